@@ -160,12 +160,8 @@ def _level_support_plane(points: np.ndarray, up: UpChoice) -> UpChoice:
     normal = support_plane_normal(points, up.rotation[2], up.sensor)
     if normal is None:
         return up
-    return replace(
-        up,
-        rotation=align_to_vertical(up.rotation, normal),
-        axis="the table's normal",
-        reason=f"{up.reason}, set upright by the plane that things stand on",
-    )
+    return replace(up, rotation=align_to_vertical(up.rotation, normal), axis="the table's normal",
+                   reason=f"{up.reason}, set upright by the plane that things stand on")
 
 
 def _cut_top(points: np.ndarray, filled_count: int, up: np.ndarray, percent: float) -> tuple[np.ndarray, int]:
@@ -211,11 +207,8 @@ def _place_before_fixed_camera(
     own_elevation, note = clamp_elevation(viewpoint.elevation, elevation_range)
     azimuth = options.azimuth
     rotation = turn(azimuth) @ np.array(viewpoint.rotation) if azimuth else np.array(viewpoint.rotation)
-    viewpoint = replace(
-        viewpoint,
-        rotation=tuple(tuple(row) for row in rotation.tolist()),
-        elevation=elevation if own_elevation is None else own_elevation,
-    )
+    viewpoint = replace(viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()),
+                        elevation=elevation if own_elevation is None else own_elevation)
     cloud = viewpoint.place(selected.points)
     if options.grounded and viewpoint.floor is not None:
         drop = (float(cloud[:, 2].min()) - viewpoint.floor) * viewpoint.radius
@@ -248,7 +241,5 @@ def _check_camera_distance(cloud: np.ndarray, viewpoint: Viewpoint) -> None:
     depth = DISTANCE - dot_axis(cloud.astype(np.float64), np.array([0.0, -math.cos(angle), math.sin(angle)]))
     if (depth < MIN_CAMERA_DEPTH).mean() > MAX_NEAR_SHARE:
         reach = float(np.sqrt((cloud**2).sum(1)).max())
-        raise ScanError(
-            f"reaches the camera or lies behind it: its farthest point lies {reach:.3g} radii from the "
-            f"camera's centre; make the camera's radius ({viewpoint.radius:g}) larger, or move the centre"
-        )
+        raise ScanError(f"reaches the camera or lies behind it: its farthest point lies {reach:.3g} radii from the "
+                        f"camera's centre; make the camera's radius ({viewpoint.radius:g}) larger, or move the centre")

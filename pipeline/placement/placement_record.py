@@ -82,10 +82,8 @@ class Placement:
             on = f", turned on by {round(self.azimuth)} from there" if self.azimuth else ""
             return f"{self.view_reason}{height}{on}"
         on = f", turned on by {round(self.user_azimuth)}" if self.user_azimuth else ""
-        return (
-            f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)} from the file's front{height}: "
-            f"{self.view_reason}{on}"
-        )
+        return (f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)} from the file's front{height}: "
+                f"{self.view_reason}{on}")
 
     @property
     def outliers_message(self) -> str:
@@ -100,7 +98,5 @@ class Placement:
     @property
     def rounding_message(self) -> str:
         """What a `rounding_step` above 0 means and how to avoid it."""
-        return (
-            f"its float32 numbers, so far from the origin, are rounded to steps of {self.rounding_step:g}: "
-            "save float64, or subtract an offset first"
-        )
+        return (f"its float32 numbers, so far from the origin, are rounded to steps of {self.rounding_step:g}: "
+                "save float64, or subtract an offset first")

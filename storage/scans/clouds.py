@@ -153,10 +153,8 @@ def scan_from_raw(raw: RawCloud, label: str) -> Scan:
         dropped = int(len(cloud) - finite.sum())
         points, fields = cloud[finite], _select_rows(fields, finite)
     if len(points) == 0:
-        raise ScanError(
-            f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
-            f"{MAX_COORDINATE:.1e}; the scan holds no measurement"
-        )
+        raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
+                        f"{MAX_COORDINATE:.1e}; the scan holds no measurement")
     if len(points) < MIN_POINTS:
         raise ScanError(f"{where}expected at least {MIN_POINTS} finite points, got {len(points)} of {len(cloud)}")
     points, fields, missing_note = _drop_missing(points, fields)
@@ -164,25 +162,13 @@ def scan_from_raw(raw: RawCloud, label: str) -> Scan:
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     metres, degrees_note = metres_from_degrees(points) if raw.sensor is None else (points, "")
     if metres is not points and not (raw.up and raw.up_certain):
-        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe", up_certain=True)
+        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe",
+                      up_certain=True)
     points = metres
     unique = drop_duplicates(points)
     note = "; ".join(filter(None, (raw.note, missing_note, degrees_note)))
-    return Scan(
-        unique,
-        dropped,
-        label,
-        raw.sensor,
-        raw.total,
-        len(points) - len(unique),
-        note,
-        raw.up,
-        raw.up_reason,
-        raw.up_certain,
-        raw.upward,
-        raw.seen_from,
-        _point_fields(raw, points, fields),
-    )
+    return Scan(unique, dropped, label, raw.sensor, raw.total, len(points) - len(unique), note, raw.up, raw.up_reason,
+                raw.up_certain, raw.upward, raw.seen_from, _point_fields(raw, points, fields))
 
 
 def reader_of(path: Path) -> type[Reader]:
@@ -199,10 +185,8 @@ def _check_memory(reader: Reader, path: Path, free: int | None) -> None:
     with quiet():
         needed = reader.memory(path)
     if free is not None and needed > free:
-        raise ScanError(
-            f"would take about {needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free; thin it "
-            "out first, a million points are plenty for a picture"
-        )
+        raise ScanError(f"would take about {needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free; thin it "
+                        "out first, a million points are plenty for a picture")
 
 
 def _run_reader(reader: Reader, path: Path, free: int | None) -> list[RawCloud]:
@@ -234,10 +218,8 @@ def _check_field_lengths(cloud: RawCloud, reader: Reader) -> None:
     for name, values in cloud.fields.items():
         expected = (len(cloud.points), 3) if name in ("rgb", "normal") else (len(cloud.points),)
         if values.shape != expected:
-            raise ScanError(
-                f"the reader {reader.name!r} gave the field {name!r} as {values.shape}, expected "
-                f"{expected}; its plugin is broken"
-            )
+            raise ScanError(f"the reader {reader.name!r} gave the field {name!r} as {values.shape}, expected "
+                            f"{expected}; its plugin is broken")
 
 
 def _mode(path: Path) -> int:
@@ -273,7 +255,9 @@ def _select_rows(fields: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str
     return {name: values[kept] for name, values in fields.items()}
 
 
-def _drop_missing(points: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], str]:
+def _drop_missing(
+    points: np.ndarray, fields: dict[str, np.ndarray]
+) -> tuple[np.ndarray, dict[str, np.ndarray], str]:
     """Removes the points that a no-data value marks as missing, with their fields; and the note for the user."""
     kept = measured_mask(points)
     if kept is None or kept.sum() < MIN_POINTS:

@@ -26,10 +26,8 @@ from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 
 SPARE_BYTES = 3 << 30
 """Address space allowed for the subprocess beyond what the file needs, in bytes; libraries take most of it."""
-_START_CODE = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[2]); "
-    "from z2p_renderer.storage.scans.isolated_reading import serve; serve()"
-)
+_START_CODE = ("import json, sys; sys.path[:] = json.loads(sys.argv[2]); "
+          "from z2p_renderer.storage.scans.isolated_reading import serve; serve()")
 _WEB_CLIENT = "requests"
 """laspy imports this web client if it is installed, which takes longer than reading a small file."""
 _ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
@@ -88,10 +86,8 @@ def _parse_result(result: IO[bytes], status: int) -> list[RawCloud]:
     if "error" in header:
         raise ScanError(header["error"])
     if "clouds" not in header or status != 0:
-        raise ReaderEndedError(
-            f"the reader's process ended ({_describe_status(status)}): the file is damaged, or "
-            "wants more memory than there is; export it again"
-        )
+        raise ReaderEndedError(f"the reader's process ended ({_describe_status(status)}): the file is damaged, or "
+                               "wants more memory than there is; export it again")
     clouds = []
     for cloud in header["clouds"]:
         points = _read_array(result, np.dtype(np.float64), (cloud.pop("rows"), 3))

@@ -52,10 +52,8 @@ def reader_for(path: Path) -> Reader:
         if advice := advice_by_suffix(path) or advice_by_content(path, suffix):
             raise ScanError(advice)
         broken = f" ({'; '.join(faults)})" if faults else ""
-        raise ScanError(
-            f"no reader for {suffix or 'a file without suffix'!r}; readable: "
-            f"{', '.join(sorted(claims))}{broken}; a text with a point a line is read as .txt"
-        )
+        raise ScanError(f"no reader for {suffix or 'a file without suffix'!r}; readable: "
+                        f"{', '.join(sorted(claims))}{broken}; a text with a point a line is read as .txt")
     if len(names) > 1:
         raise ScanError(f"{suffix} is claimed by the readers {' and '.join(names)}; uninstall one of them")
     return registry.load("readers", names[0])()

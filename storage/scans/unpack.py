@@ -100,10 +100,8 @@ def _unpack(path: Path, inner: Path, max_bytes: int | None) -> None:
             while chunk := packed.read(_CHUNK_BYTES):
                 size += len(chunk)
                 if max_bytes is not None and size > max_bytes:
-                    raise ScanError(
-                        f"unpacks to more than {max_bytes / 1e9:.1f} GB, which do not fit into memory; "
-                        "thin the scan out first"
-                    )
+                    raise ScanError(f"unpacks to more than {max_bytes / 1e9:.1f} GB, which do not fit into memory; "
+                                    "thin the scan out first")
                 file.write(chunk)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ScanError(f"cannot be unpacked ({error}); the file is damaged or cut short: fetch it again") from error

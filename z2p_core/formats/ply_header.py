@@ -114,9 +114,8 @@ def parse_header(head: bytes) -> PlyHeader:
                 case ["property", *_]:
                     elements[-1][2].append(_property(words, _ENCODINGS[encoding]))
         except (KeyError, ValueError, IndexError) as error:
-            raise ScanError(
-                f"the PLY header's line {' '.join(words)[:80]!r} is not understood; export the file again"
-            ) from error
+            raise ScanError(f"the PLY header's line {' '.join(words)[:80]!r} is not understood; "
+                            f"export the file again") from error
     if not encoding:
         raise ScanError("the PLY header has no line 'format'; export the file again")
     return PlyHeader(encoding, tuple(PlyElement(name, count, tuple(rows)) for name, count, rows in elements), end + 1)

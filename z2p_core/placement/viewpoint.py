@@ -96,10 +96,8 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
         SettingError: a number is missing or no number, the rotation is none, or it is for another camera.
     """
     if not isinstance(data, Mapping) or type(data.get("z2p_camera")) is not int or data["z2p_camera"] != JSON_VERSION:
-        raise SettingError(
-            f"camera: expected an object with z2p_camera {JSON_VERSION}, got {describe_value(data)}; "
-            "write one with --save-camera"
-        )
+        raise SettingError(f"camera: expected an object with z2p_camera {JSON_VERSION}, got {describe_value(data)}; "
+                           "write one with --save-camera")
     centre, radius = _numbers(data, "centre", (3,)), float(_numbers(data, "radius", ()))
     rotation, elevation = _numbers(data, "rotation", (3, 3)), float(_numbers(data, "elevation", ()))
     if not MIN_LENGTH < radius < MAX_LENGTH:
@@ -108,16 +106,13 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
         raise SettingError(f"camera: expected an elevation from -90 to 90 degrees, got {elevation:g}")
     square = np.abs(rotation @ rotation.T - np.eye(3)).max() <= ROTATION_TOLERANCE and np.linalg.det(rotation) > 0
     if not square:
-        raise SettingError(
-            f"camera: expected a rotation matrix (rows of length 1 at right angles, no mirror), got {rotation.tolist()}"
-        )
+        raise SettingError("camera: expected a rotation matrix (rows of length 1 at right angles, no mirror), got "
+                           f"{rotation.tolist()}")
     for key, ours in (("distance", DISTANCE), ("field_of_view", FIELD_OF_VIEW)):
         theirs = float(_numbers(data, key, ())) if key in data else ours
         if not math.isclose(theirs, ours, rel_tol=1e-6):
-            raise SettingError(
-                f"camera: the weights know only {key} {ours:g}, got {theirs:g}; move the object by "
-                "centre and radius instead"
-            )
+            raise SettingError(f"camera: the weights know only {key} {ours:g}, got {theirs:g}; move the object by "
+                               "centre and radius instead")
     floor = None if data.get("floor") is None else float(_numbers(data, "floor", ()))
     x, y, z = centre.tolist()
     return Viewpoint((x, y, z), radius, tuple(tuple(row) for row in rotation.tolist()), elevation, floor)

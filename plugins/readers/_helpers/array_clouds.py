@@ -75,11 +75,9 @@ def _check_first_columns(array: np.ndarray) -> None:
     before, description = find_leading_columns(_first_three_columns(array), sample)
     if before:
         columns = f"columns 1 to {before}" if before > 1 else "column 1"
-        raise ScanError(
-            f"{columns} may be {description} "
-            f"rather than coordinates: save x, y and z alone, as array[:, {before}:{before + 3}] if they "
-            "come next, or array[:, :3]"
-        )
+        raise ScanError(f"{columns} may be {description} "
+                        f"rather than coordinates: save x, y and z alone, as array[:, {before}:{before + 3}] if they "
+                        "come next, or array[:, :3]")
 
 
 def exceeds_size_limit(unpacked: int, packed: int, max_bytes: int) -> bool:
@@ -109,10 +107,8 @@ def check_shape(shape: tuple[int, ...]) -> None:
 def check_fields(dtype: np.dtype) -> None:
     """Raises ScanError for a type that holds no numbers, or records without such that are called x, y and z."""
     if dtype.hasobject:
-        raise ScanError(
-            "the array holds pickled objects, which are never opened; save one plain float array a file, "
-            "or a batch (B, N, 3)"
-        )
+        raise ScanError("the array holds pickled objects, which are never opened; save one plain float array a file, "
+                        "or a batch (B, N, 3)")
     if dtype.names is None:
         if dtype.kind not in "fiu":
             raise ScanError(f"expected an array of numbers, got dtype {dtype}; save the points as float32 or float64")
@@ -120,10 +116,8 @@ def check_fields(dtype: np.dtype) -> None:
     name = _points_field(dtype)
     axes = [dtype[field] for field in dtype.names if field.lower() in ("x", "y", "z")]
     if name is None and (len(axes) != 3 or any(axis.kind not in "fiu" or axis.shape for axis in axes)):
-        raise ScanError(
-            f"expected records with numbers x, y and z, got dtype {str(dtype)[:160]}; name them so, or "
-            "save the points as float32 or float64"
-        )
+        raise ScanError(f"expected records with numbers x, y and z, got dtype {str(dtype)[:160]}; name them so, or "
+                        "save the points as float32 or float64")
 
 
 def plain_numbers(array: np.ndarray) -> np.ndarray:
@@ -145,9 +139,8 @@ def stack_axes(columns: dict[str, np.ndarray]) -> np.ndarray:
     """
     shapes = [columns[axis].shape for axis in "xyz"]
     if len(set(shapes)) > 1:
-        raise ScanError(
-            f"expected arrays x, y and z of one shape, got {', '.join(map(str, shapes))}; save the points as points=..."
-        )
+        raise ScanError(f"expected arrays x, y and z of one shape, got {', '.join(map(str, shapes))}; save the points "
+                        "as points=...")
     return np.stack([columns[axis] for axis in "xyz"], axis=-1).reshape(-1, 3)
 
 

@@ -50,7 +50,9 @@ def plan_splats(names: Sequence[str], wants: Wants, points: Sequence[int]) -> Fi
     return FieldPlan(columns_of, tuple(name for name in columns_of if wants(name)), harmonics=True)
 
 
-def cloud_from_splats(cloud: RawCloud, opacity: np.ndarray, scales: Sequence[np.ndarray], total: int) -> RawCloud:
+def cloud_from_splats(
+    cloud: RawCloud, opacity: np.ndarray, scales: Sequence[np.ndarray], total: int
+) -> RawCloud:
     """The cloud of those Gaussians that show a surface, with its fields.
 
     `opacity` (N,) is that before the sigmoid, `scales` are logarithmic; `total` is the number of Gaussians in the file,
@@ -80,11 +82,8 @@ def cloud_from_packed_splats(body: bytes, header: PlyHeader, wants: Wants, note:
     for element in header.elements:
         given = [entry.name for entry in element.properties]
         packed = [entry.type for entry in element.properties if entry.name in _PACKED_PROPERTIES]
-        if (
-            header.ascii
-            or not element.scalar
-            or len(set(given)) < len(given)
-            or any(kind.kind not in "iu" or kind.itemsize != 4 for kind in packed)
+        if header.ascii or not element.scalar or len(set(given)) < len(given) or any(
+            kind.kind not in "iu" or kind.itemsize != 4 for kind in packed
         ):
             raise ScanError("packed Gaussian splats are binary, whole numbers of 4 bytes (uint); export the file again")
         tables[element.name] = np.frombuffer(body, element.dtype, element.count, at) if element.count else None
@@ -94,10 +93,8 @@ def cloud_from_packed_splats(body: bytes, header: PlyHeader, wants: Wants, note:
         return RawCloud(np.empty((0, 3)))
     names = set(chunk.dtype.names or ()) if chunk is not None else set()
     if chunk is None or not set(_BOUNDS) <= names or len(chunk) != -(-len(vertex) // _SPLATS_PER_CHUNK):
-        raise ScanError(
-            f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each "
-            f"{_SPLATS_PER_CHUNK} of them, got {0 if chunk is None else len(chunk)}; export the file again"
-        )
+        raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each "
+                        f"{_SPLATS_PER_CHUNK} of them, got {0 if chunk is None else len(chunk)}; export the file again")
     rows = np.arange(0, len(vertex), -(-len(vertex) // MAX_ROWS))
     group, vertex = rows // _SPLATS_PER_CHUNK, vertex[rows]
     points = _dequantize(vertex["packed_position"], chunk[group], _BOUNDS)

@@ -50,10 +50,8 @@ def readable_glb(blob: bytes) -> bytes:
             raise _compression_error(extension)
     used = {part.get("attributes", {}).get("POSITION") for part in parts}
     if any(index is not None and "sparse" in tree["accessors"][index] for index in used):
-        raise ScanError(
-            "its positions are kept sparse, as differences, which cannot be read here; export the file "
-            "again without sparse accessors"
-        )
+        raise ScanError("its positions are kept sparse, as differences, which cannot be read here; export the file "
+                        "again without sparse accessors")
     normalized = [index for index in used if index is not None and _is_normalized_integer(tree["accessors"][index])]
     lacks_scene = bool(parts) and not tree.get("scenes")
     unreadable = [part for part in parts if part.get("mode", 4) not in _READABLE_MODES]
@@ -72,10 +70,8 @@ def readable_glb(blob: bytes) -> bytes:
 
 def _compression_error(extension: str) -> ScanError:
     compression = _COMPRESSION_NAMES[extension]
-    return ScanError(
-        f"its meshes are packed by {compression} ({extension}), which cannot be read here; open it in "
-        f"Blender, and export it as PLY, or again without {compression} compression"
-    )
+    return ScanError(f"its meshes are packed by {compression} ({extension}), which cannot be read here; open it in "
+                     f"Blender, and export it as PLY, or again without {compression} compression")
 
 
 def _add_scene(tree: dict[str, Any]) -> None:

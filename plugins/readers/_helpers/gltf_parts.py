@@ -33,10 +33,8 @@ def as_glb(path: Path) -> bytes:
         starts.append(len(binary))
         content = _read_buffer(buffer, path.parent, number)
         if len(content) < buffer["byteLength"]:
-            raise ScanError(
-                f"the glTF file promises {buffer['byteLength']} bytes in buffer {number}, {len(content)} "
-                "came; export it again"
-            )
+            raise ScanError(f"the glTF file promises {buffer['byteLength']} bytes in buffer {number}, {len(content)} "
+                            "came; export it again")
         binary += content + bytes(-len(content) % 4)
     for view in tree.get("bufferViews", ()):
         view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
@@ -80,13 +78,10 @@ def _read_buffer(buffer: dict[str, Any], folder: Path, number: int) -> bytes:
         return base64.b64decode(text)
     name = unquote(uri)
     if not name or "://" in name or Path(name).is_absolute() or ".." in Path(name).parts:
-        raise ScanError(
-            f"the glTF file keeps buffer {number} elsewhere than beside itself ({name[:60]!r}); export it again as GLB"
-        )
+        raise ScanError(f"the glTF file keeps buffer {number} elsewhere than beside itself ({name[:60]!r}); export it "
+                        "again as GLB")
     beside = folder / name
     if not beside.is_file():
-        raise ScanError(
-            f"the glTF file's points are in {name[:80]!r}, which is not beside it; copy that too, or "
-            "export it again as GLB"
-        )
+        raise ScanError(f"the glTF file's points are in {name[:80]!r}, which is not beside it; copy that too, or "
+                        "export it again as GLB")
     return beside.read_bytes()

@@ -36,10 +36,8 @@ def check_records(path: Path) -> None:
         extended_at, extended = struct.unpack_from("<QI", head, 235)
         fits = fits and (extended == 0 or extended_at + 60 * extended <= size)
     if not fits:
-        raise ScanError(
-            f"the LAS header promises more than its {size} bytes hold; the file is cut short or its header "
-            "is wrong: export it again"
-        )
+        raise ScanError(f"the LAS header promises more than its {size} bytes hold; the file is cut short or its header "
+                        "is wrong: export it again")
 
 
 def _chunk_count(file: BinaryIO, size: int, points_at: int) -> int:

@@ -16,15 +16,11 @@ def check_trailing_bytes(promise: str, expected: int, got: int, max_trailing: in
     """
     trailing = got - expected
     if trailing < 0:
-        raise ScanError(
-            f"{promise}, which takes {expected} bytes, but {got} follow it; the file is cut short or its "
-            "header is wrong: export it again"
-        )
+        raise ScanError(f"{promise}, which takes {expected} bytes, but {got} follow it; the file is cut short or its "
+                        "header is wrong: export it again")
     if trailing > max_trailing:
-        raise ScanError(
-            f"{promise}, which takes {expected} bytes, but {got} follow it; the file is {trailing} bytes "
-            "longer, so its header is wrong: export it again"
-        )
+        raise ScanError(f"{promise}, which takes {expected} bytes, but {got} follow it; the file is {trailing} bytes "
+                        "longer, so its header is wrong: export it again")
     return trailing
 
 

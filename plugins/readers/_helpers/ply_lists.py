@@ -22,9 +22,8 @@ def parse_binary_lists(body: bytes, header: PlyHeader, vertex: PlyElement, colum
         try:
             values, offset = read_list_rows(body, offset, element.count, properties, indices)
         except ValueError as error:
-            raise ScanError(
-                "a PLY list reaches past the end of the file; it is cut short or its header is wrong: export it again"
-            ) from error
+            raise ScanError("a PLY list reaches past the end of the file; it is cut short or its header is wrong: "
+                            "export it again") from error
     return values
 
 

@@ -63,9 +63,8 @@ def read_array(blob: bytes, array: LegacyArray, count: int, binary: bool) -> np.
             if array.type.kind in "iu" and not array.is_color:
                 values = values.astype(array.type.newbyteorder("="))
     except ValueError as error:
-        raise ScanError(
-            f"the VTK values {array.name[:40]!r} cannot be read ({str(error)[:80]}); export the file again"
-        ) from error
+        raise ScanError(f"the VTK values {array.name[:40]!r} cannot be read ({str(error)[:80]}); export the file "
+                        "again") from error
     if len(values) != total:
         raise ScanError(f"the VTK file ends in its values {array.name[:40]!r}; it is cut short: export it again")
     return values if array.width == 1 else values.reshape(count, array.width)

@@ -78,9 +78,8 @@ def _read_values(piece: ElementTree.Element, array: ElementTree.Element, file: _
     numbers = _read_numbers(array, count * width, file)
     if len(numbers) != count * width:
         name = str(array.get("Name"))[:40]
-        raise ScanError(
-            f"the VTK file promises {count} points, and {len(numbers)} numbers of {name!r} came; export it again"
-        )
+        raise ScanError(f"the VTK file promises {count} points, and {len(numbers)} numbers of {name!r} came; export it "
+                        "again")
     return numbers if width == 1 else numbers.reshape(count, width)
 
 
@@ -92,10 +91,8 @@ def _parse_xml(blob: bytes) -> tuple[ElementTree.Element, _File]:
         raise ScanError("a VTK file has no document type of its own; export it again")
     tree = ElementTree.fromstring(text)
     if tree.tag != "VTKFile" or tree.get("type") not in _DATASET_TYPES:
-        raise ScanError(
-            f"expected a VTKFile of PolyData or UnstructuredGrid, got {tree.tag[:40]} of "
-            f"{tree.get('type', 'no type')[:40]}; save it as poly data (.vtp)"
-        )
+        raise ScanError(f"expected a VTKFile of PolyData or UnstructuredGrid, got {tree.tag[:40]} of "
+                        f"{tree.get('type', 'no type')[:40]}; save it as poly data (.vtp)")
     order = ">" if tree.get("byte_order") == "BigEndian" else "<"
     header = np.dtype(order + _NUMPY_TYPES[tree.get("header_type", "UInt32")])
     if header.kind != "u":

@@ -35,14 +35,12 @@ def unproject_depth(depth: np.ndarray, camera: np.ndarray) -> np.ndarray:
     depths = depths[None] if depths.ndim == 2 else depths
     cameras = camera[None] if camera.ndim == 2 else camera
     if depths.ndim != 3 or cameras.shape[1:] not in ((3, 3), (4, 4)) or len(cameras) not in (1, len(depths)):
-        raise ScanError(
-            f"expected a depth map (H, W) and its camera's matrix (3, 3), got {depth.shape} and {camera.shape}"
-        )
+        raise ScanError(f"expected a depth map (H, W) and its camera's matrix (3, 3), got {depth.shape} and "
+                        f"{camera.shape}")
     focal = cameras[:, (0, 1), (0, 1)]
     if not (np.isfinite(cameras).all() and (np.abs(focal) > 0).all()):
-        raise ScanError(
-            "the camera's matrix beside the depth map has no focal lengths; save it as fx 0 cx, 0 fy cy, 0 0 1"
-        )
+        raise ScanError("the camera's matrix beside the depth map has no focal lengths; save it as fx 0 cx, 0 fy cy, "
+                        "0 0 1")
     rows, columns = np.mgrid[: depths.shape[1], : depths.shape[2]]
     centre = cameras[:, (0, 1), (2, 2)]
     x, y = (((pixels - centre[:, axis, None, None]) / focal[:, axis, None, None]) * depths

@@ -15,11 +15,9 @@ _MAX_SAMPLED_ROWS = 2000
 _MAX_SAMPLED_SIDE, _GRAY_STEP_TOLERANCE, _MIN_SHADES = 64, 0.02, 16
 """Rows and columns of a color image that are examined, in pixels; how far values may be from multiples of 1/255, in
 these; and how many different values an image has at least."""
-GRID_ADVICE = (
-    "a depth map becomes points by its camera: save it as depth, and the camera's matrix as K, in one npz, "
-    "or save x = (column - cx) * depth / fx, y = (row - cy) * depth / fy and z = depth; a grid of heights "
-    "becomes points by the places of its columns and rows"
-)
+GRID_ADVICE = ("a depth map becomes points by its camera: save it as depth, and the camera's matrix as K, in one npz, "
+               "or save x = (column - cx) * depth / fx, y = (row - cy) * depth / fy and z = depth; a grid of heights "
+               "becomes points by the places of its columns and rows")
 
 
 @np.errstate(all="ignore")  # the numbers may be no coordinates

@@ -22,13 +22,11 @@ def refuse_other_arrays(array: np.ndarray) -> None:
     if kind := pose_array_kind(array):
         raise ScanError(f"numbers {array.shape} are no points but {kind}; give points (N, 3)")
     if array.ndim == 2 and is_grid(array):
-        raise ScanError(
-            f"numbers {array.shape} look like a depth map or a grid of heights, not like points; {GRID_ADVICE}"
-        )
+        raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; "
+                        f"{GRID_ADVICE}")
     if array.ndim == 3 and is_picture(array):
-        raise ScanError(
-            f"numbers {array.shape} look like a colour picture, not like points; give the x y z of its pixels instead"
-        )
+        raise ScanError(f"numbers {array.shape} look like a colour picture, not like points; give the x y z of its "
+                        "pixels instead")
 
 
 def pose_array_kind(array: np.ndarray) -> str:

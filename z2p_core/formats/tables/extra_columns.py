@@ -88,11 +88,8 @@ def _are_surely_colors(three: np.ndarray, points: np.ndarray) -> bool:
     if len(three) < _MIN_ROWS or not are_colours(three) or not np.ptp(three, axis=0).any():
         return False
     largest = three.max(axis=0)
-    full, least = (
-        (1, _MIN_LARGEST_SHARE)
-        if largest.max() <= 1
-        else ((255, _MIN_LARGEST_BYTE) if largest.max() <= 255 else (65535, _MIN_LARGEST_SHORT))
-    )
+    full, least = (1, _MIN_LARGEST_SHARE) if largest.max() <= 1 else (
+        (255, _MIN_LARGEST_BYTE) if largest.max() <= 255 else (65535, _MIN_LARGEST_SHORT))
     varied = largest[np.ptp(three, axis=0) > 0]
     if largest.max() < least or varied.max() > _MAX_CHANNEL_RATIO[full] * varied.min():
         return False
