@@ -6,7 +6,6 @@ wall and processor time, their ratio to npy's in the same run, and the peak memo
 
 from __future__ import annotations
 
-import os
 import resource
 import statistics
 import subprocess
@@ -116,8 +115,8 @@ def _with_children(process: int) -> list[int]:
     """The process and all that it has started (Linux)."""
     found = [process]
     try:
-        for task in os.listdir(f"/proc/{process}/task"):
-            for child in Path(f"/proc/{process}/task/{task}/children").read_text().split():
+        for task in Path(f"/proc/{process}/task").iterdir():
+            for child in (task / "children").read_text().split():
                 found += _with_children(int(child))
     except OSError:  # it has ended
         pass
