@@ -6,8 +6,8 @@ import numpy as np
 
 from z2p_core.placement.bounding_sphere import Sphere, bounding_sphere
 
-MIN_POINTS = 100_000
-"""Smaller clouds are given to `bounding_sphere` as a whole."""
+MIN_POINTS = 3_000_000
+"""Smaller clouds are given to `bounding_sphere` as a whole, so that their pictures stay the same to the last bit."""
 SAMPLE_POINTS = 5_000
 """Points of the first sphere."""
 MAX_ADDED_POINTS = 20_000
