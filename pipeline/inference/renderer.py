@@ -115,7 +115,8 @@ class Renderer:
             values = {**(values or {}), "color": color}
         inputs, relative = self._inputs(cloud, values, *render_size(cloud, width, height), floor, colors)
         buffers, encoding, settings = inputs
-        features = buffers[0, self._loaded.zbuffer.channels :]
+        first = self._loaded.zbuffer.channels
+        features = buffers[0, first : first + self._loaded.gbuffer.channels]
         image = self._run_network(buffers, features, encoding, settings, len(cloud))
         self._loaded.gbuffer.reconcile(image, features, len(cloud))
         if colors is not None and relative is not None:
@@ -147,7 +148,7 @@ class Renderer:
         apply_controls(settings, self.controls, scene)
         camera = Camera(width, height, scene.elevation)
         buffers, relative = draw_textured_buffers(
-            cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer
+            cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer, self._loaded.conditions
         )
         inputs = buffers[None], self._encoding(width, height), settings_vector(settings, self.controls)[None]
         return inputs, relative
