@@ -121,7 +121,7 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         "workflows.stages:Train",
         *(f"pipeline.training.{name}" for name in ("train", "state", "dataset", "augment", "distillation", "cropping",
                                                    "learning_curve", "shadow_debias", "textured_samples")),
-        "pipeline.rendering.textures", "z2p_core.settings",
+        "pipeline.rendering.textures", *(part for part in _CONTROLS if part != "z2p_core.scene"),
         "pipeline.training.make_shard:downsample_images", "pipeline.export", "pipeline.export.fp16_constants",
         "pipeline.inference.engine_selection", *_EXPORTED_FILES, "storage.shards",
         "z2p_core.config.pipeline:batch_size", "z2p_core.config.pipeline:samples_until", "z2p_core.images",
@@ -190,7 +190,6 @@ NOT_IN_FINGERPRINT: dict[str, str] = {
     "z2p_core.config.report": "a stage's values are in its fingerprint",
     "z2p_core.registry": "finds plugins, whose code is in the fingerprint",
     "z2p_core.interfaces": "abstract classes, except Control and Slider, which are listed where they matter",
-    "train/z2p_core.interfaces:Control": "shards hold encoded settings; training only compares names and sizes",
     "workflows.ablation.plan": "its steps' fields are in their fingerprints",
     "workflows.sources": "the values that a source leads to are in the fingerprint",
     # where files lie, not what is in them
