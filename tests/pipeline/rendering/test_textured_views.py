@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from z2p_core.config import RenderConfig, ShardConfig
+from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.rendering import textured_views
 from z2p_renderer.pipeline.rendering.textured_views import render_textured_chunk
 from z2p_renderer.pipeline.rendering.views import load_controls, sample_view, view_rng
@@ -38,7 +39,7 @@ def test_scenes_are_those_without_textures_and_about_half_have_one(mesh, tmp_pat
     drawn, controls = views(tmp_path / "out"), load_controls(CONFIG.controls)
     for index, view in enumerate(drawn):
         expected = sample_view(controls, view_rng(CONFIG.seed, IDENTITY, index), CONFIG.upright)
-        assert view["scene"] == expected.scene.to_json()
+        assert SceneDescription.from_json(view["scene"]) == expected.scene
     textures = [view["texture"] for view in drawn if view["texture"]]
     assert 10 < len(textures) < 30 and {texture["name"] for texture in textures} == {"stripes", "spots"}
     assert len({tuple(texture["seed"]) for texture in textures}) == len(textures)
