@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from pathlib import Path
 from threading import local
@@ -12,7 +12,7 @@ import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.interfaces import Control, Engine, GBuffer, PointColors, Slider, Value, ZBuffer
+from z2p_core.interfaces import Condition, Control, Engine, GBuffer, PointColors, Slider, Value, ZBuffer
 from z2p_core.native import to_straight_rgba8
 from z2p_core.network.crop_window import crop_window
 from z2p_core.network.exit_guard import inside_engine
@@ -100,6 +100,11 @@ class Renderer:
         return DEFAULT_ELEVATION if fixed is None else float(fixed)
 
     @property
+    def conditions(self) -> Sequence[Condition]:
+        """The pictures that the network reads beside the buffers."""
+        return self._loaded.conditions
+
+    @property
     def draws_colors(self) -> bool:
         """Whether `render` takes colors of points: the weights have a control ``color``, their G-buffer textures."""
         return "color" in self.controls and self._loaded.gbuffer.draws_textures
@@ -151,7 +156,8 @@ class Renderer:
         color in which the network renders it.
         """
         buffers, encoding, settings = inputs
-        features = buffers[0, self._loaded.zbuffer.channels :]
+        first = self._loaded.zbuffer.channels
+        features = buffers[0, first : first + self._loaded.gbuffer.channels]
         image = self._run_network(buffers, features, encoding, settings, points)
         self._loaded.gbuffer.reconcile(image, features, points)
         if neutral is not None and relative is not None:
@@ -178,7 +184,9 @@ class Renderer:
         """`inputs`, and the relative radiance (4, height, width) of a surface with colors of its own."""
 
         def draw(camera: Camera, scene: SceneDescription) -> tuple[np.ndarray, np.ndarray | None]:
-            return draw_textured_buffers(cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
+            return draw_textured_buffers(
+                cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer, self._loaded.conditions
+            )
 
         return self.inputs_from(draw, values, width, height, floor)
 

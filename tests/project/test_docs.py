@@ -24,7 +24,8 @@ EXTERNAL_PLUGIN_PAGES = ("writing-a-control.md", "writing-a-plugin.md")
 other."""
 CODE_FOLDERS = ("benchmarks", "configs", "docs", "examples", "pipeline", "plugins", "scripts", "shims", "storage",
                 "tests", "workflows", "z2p_core", "z2p_renderer")  # fmt: skip
-EXAMPLE_FILES = {"mine_zbuffer.py", "mine_reader.py", "test_mine.py", "mine.toml", "z2p_core/native/TOPIC.py"}
+EXAMPLE_FILES = {"mine_zbuffer.py", "mine_condition.py", "mine_reader.py", "test_mine.py", "mine.toml",
+                 "z2p_core/native/TOPIC.py"}  # fmt: skip
 EXAMPLE_FOLDERS = {"z2p_core/native/c/TOPIC/"}
 """Files and folders that a page names for the reader to make."""
 RUN = re.compile(r"(cat \S+ \| )?z2p (render|run-inference|animate|rerender|info|formats|plugins|report|completion) ")
@@ -135,7 +136,8 @@ def test_the_plugins_of_the_page_keep_their_contracts(tmp_path: Path) -> None:
     """Its blocks are files; installed, as their entry points say, the registry and a config find what is in them."""
     page = (ROOT / "docs" / "writing-a-plugin.md").read_text()
     files = dict(re.findall(r"^`([a-z_.]+)`:\n\n```\w+\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL))
-    assert set(files) == {"mine_zbuffer.py", "mine_reader.py", "pyproject.toml", "test_mine.py", "mine.toml"}
+    assert set(files) == {"mine_zbuffer.py", "mine_reader.py", "mine_condition.py", "pyproject.toml", "test_mine.py",
+                          "mine.toml"}  # fmt: skip
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     project = tomllib.loads(files["pyproject.toml"])
@@ -145,7 +147,7 @@ def test_the_plugins_of_the_page_keep_their_contracts(tmp_path: Path) -> None:
     lines = [f"[{group}]\n" + "".join(f"{name} = {target}\n" for name, target in entries.items())
              for group, entries in project["project"]["entry-points"].items()]  # fmt: skip
     (metadata / "entry_points.txt").write_text("\n".join(lines))
-    assert project["tool"]["setuptools"]["py-modules"] == ["mine_zbuffer", "mine_reader"]
+    assert project["tool"]["setuptools"]["py-modules"] == ["mine_zbuffer", "mine_condition", "mine_reader"]
     use = """
 from pathlib import Path
 import numpy as np
