@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from z2p_core.native.library import BYTES_OUT, FLOAT, FLOATS, FLOATS_OUT, INT, INTS, INTS_OUT, Struct, call, declare
-from z2p_core.parallel import parallel_rows
+from z2p_core.parallel import parallel_map, parallel_rows
 
 BLOCK = 8
 """Spheres in a block, and the other constants of `c/balls/ball_tree.h`."""
@@ -257,17 +257,16 @@ def balls_over_floor(
     """
     side = scene.floor_side
     light_indices = np.ascontiguousarray(indices >> senders.group_bits)
-    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    parts = [(0, len(samples) // 2), (len(samples) // 2, len(samples))]  # always two, so that sums stay the same
 
-    def draw(begin: int, end: int) -> None:
+    def draw(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
         hidden, sent = np.zeros((side, side), np.float32), np.zeros((side, side, 3), np.float32)
-        parts[begin * 2 // len(samples)] = (hidden, sent)
         call("z2p_balls_over_floor", balls, len(balls), scene, samples, weights, begin, end, light_indices, indices,
              senders.light, senders.albedo, hidden, sent)  # fmt: skip
+        return hidden, sent
 
-    parts += [(np.empty(0), np.empty(0))] * 2
-    parallel_rows(draw, len(samples), smallest=2, parts=2)
-    return parts[0][0] + parts[1][0], parts[0][1] + parts[1][1]
+    first, second = parallel_map([partial(draw, *part) for part in parts])
+    return first[0] + second[0], first[1] + second[1]
 
 
 def visible_balls(balls_in_camera: np.ndarray, view: BallView) -> np.ndarray:
