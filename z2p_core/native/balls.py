@@ -1,8 +1,8 @@
 """Bindings of `c/balls/`: light on balls, and images of them.
 
 N balls in the order of their tree, K directions. Arrays are float32 unless said otherwise. Everything is in world
-units; the light of a ball (12,) is a linear fit to the radiance of its white surface: in three colors its mean, then
-its gradient along the normal's x, y and z.
+units. The light of a ball (`LIGHT_VALUES`,) is the radiance of its white surface: of indirect light in three colors the
+mean, then the gradient along the normal's x, y and z; of direct light a table over the octahedral map of normals.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from z2p_core.parallel import parallel_map, parallel_rows
 BLOCK = 8
 """Spheres in a block, and the other constants of `c/balls/ball_tree.h`."""
 MAX_LEVELS = 12
-LIGHT_VALUES = 12
+INDIRECT_VALUES = 12
+LIGHT_VALUES = INDIRECT_VALUES + 36
 """Numbers of a ball's light, as in `c/balls/ball_light.h`."""
 MAX_DIRECTIONS = 128
 """Most directions in which a ball looks around, as in `c/balls/ball_draw.c`."""
@@ -77,8 +78,8 @@ declare(
     directions=FLOATS, direction_count=INT, hits=INTS_OUT, distances=FLOATS_OUT,
 )  # fmt: skip
 declare(
-    "z2p_ball_direct_light", tree=FLOATS, levels=LEVELS, scene=SCENE, balls=INTS, begin=INT, end=INT, normals=FLOATS,
-    normal_count=INT, light=FLOATS_OUT,
+    "z2p_ball_direct_light", tree=FLOATS, levels=LEVELS, scene=SCENE, balls=INTS, begin=INT, end=INT,
+    light=FLOATS_OUT,
 )  # fmt: skip
 declare(
     "z2p_radiance_around_balls", tree=FLOATS, scene=SCENE, balls=INTS, begin=INT, end=INT, directions=FLOATS,
@@ -188,12 +189,12 @@ def trace_from_balls(
     return hits, distances
 
 
-def ball_direct_light(tree: BallTree, scene: BallScene, balls: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Light (B, 12) of some balls (B,) int32 from the area light alone, fitted at unit normals (M, 3)."""
+def ball_direct_light(tree: BallTree, scene: BallScene, balls: np.ndarray) -> np.ndarray:
+    """Light (B, `LIGHT_VALUES`) of some balls (B,) int32 from the area light alone."""
     light = np.zeros((len(balls), LIGHT_VALUES), np.float32)
 
     def shine(begin: int, end: int) -> None:
-        call("z2p_ball_direct_light", tree.spheres, tree.levels, scene, balls, begin, end, normals, len(normals), light)
+        call("z2p_ball_direct_light", tree.spheres, tree.levels, scene, balls, begin, end, light)
 
     parallel_rows(shine, len(balls))
     return light
@@ -204,7 +205,7 @@ class Senders:
     """What sends light besides the area light."""
 
     light: np.ndarray
-    """(G, 12): the light of groups of balls; ball b is in group b >> `group_bits`."""
+    """(G, `LIGHT_VALUES`): the light of groups of balls; ball b is in group b >> `group_bits`."""
     group_bits: int
     albedo: np.ndarray
     """(N, 3), linear."""

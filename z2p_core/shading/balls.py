@@ -6,7 +6,8 @@ light, and what balls send to each other. Nothing is random. Each visible ball i
 - the area light past all other balls, by 8 x 8 samples of it;
 - what comes from around: nearby balls are intersected from the place itself, in `DIRECTIONS` directions; what lies
   farther is found once for each ball, from its center;
-- balls send light as a linear function of their surface's normal, found by `BOUNCES` rounds of gathering.
+- what balls send on is a table of direct light and a linear function of the normal for all other light, found by
+  `BOUNCES` rounds of gathering.
 """
 
 from __future__ import annotations
@@ -28,15 +29,13 @@ from z2p_core.shading.light_transport import FLOOR_ALBEDO
 
 DIRECTIONS = 64
 """Directions in which a ball looks around, over the whole sphere."""
-SURFACE_NORMALS = 12
-"""Places on a ball at which the area light is sampled to find what the ball sends on."""
 NEAR_REACH = 4.0
 """Balls whose surfaces lie within so many radii of a ball's center are intersected exactly where it is shaded."""
 NEAR_ROOM = 32
 """Most of them."""
 BOUNCES = 3
 """How often light is gathered from ball to ball."""
-FLOOR_CELLS = 512
+FLOOR_CELLS = 288
 """Cells along a side of the floor's grid."""
 FLOOR_SKY_SAMPLES, FLOOR_LIGHT_SAMPLES, MIRROR_SAMPLES = 128, 64, 64
 """Samples of the sky, of the area light and of the floor's mirror image for the floor's grid."""
@@ -112,7 +111,7 @@ class Lighting:
         """The light that balls and floor send after some bounces."""
         step = 1 << self.group_bits
         groups = np.minimum(self.tree.everything[::step] + step // 2, len(self.tree) - 1).astype(np.int32)
-        direct = kernels.ball_direct_light(self.tree, self.scene, groups, sphere_directions(SURFACE_NORMALS))
+        direct = kernels.ball_direct_light(self.tree, self.scene, groups)
         seen = kernels.trace_from_balls(self.tree, groups, self.directions)
         unlit, dark = np.zeros_like(direct), np.zeros((FLOOR_CELLS, FLOOR_CELLS, 3), np.float32)
         nothing = Senders(unlit, self.group_bits, self.albedo, dark, self.outside)
@@ -124,7 +123,8 @@ class Lighting:
         senders = Senders(direct, self.group_bits, self.albedo, _grey(floor), outside)
         for bounce in range(BOUNCES):
             radiance = kernels.radiance_around_balls(self.tree, self.scene, groups, self.directions, seen, senders)
-            light = direct + project_radiance(radiance, self.directions)
+            light = direct.copy()
+            light[:, : kernels.INDIRECT_VALUES] = project_radiance(radiance, self.directions)
             received = senders.floor
             if bounce == BOUNCES - 2:
                 lit = Senders(light, self.group_bits, self.albedo, dark, outside)

@@ -10,6 +10,7 @@
 
 #define MAX_SIDE_SAMPLES 4
 #define MAX_DIRECTIONS 128
+#define SHADED_SHARE 0.7f          /* share of the light that a ball takes from a place which it covers whole */
 #define LATTICE 4                  /* pixels between those at which the floor's light is computed where it varies little */
 #define LATTICE_TOLERANCE 0.06f    /* difference of hidden light between neighboring ones up to which it does */
 
@@ -86,6 +87,20 @@ typedef struct {
     int room, direction_count, group_bits;
 } Around;
 
+/* How much darker a place on a ball is than the ball's light says, which holds for its center, because the other ball
+ * `own` is in front of it: the share of what the place sees beside `own`, over the same share for the center. */
+INLINE float contact_factor(const float *center, float radius, const float *normal, const float *own, float own_radius) {
+    float to_own[3], from_place[3];
+    for (int a = 0; a < 3; a++) {
+        to_own[a] = own[a] - center[a];
+        from_place[a] = to_own[a] - radius * normal[a];
+    }
+    float far_sq = dot(to_own, to_own), near_sq = dot(from_place, from_place), area = own_radius * own_radius;
+    float from_center = larger(dot(normal, to_own), 0) / sqrtf(far_sq) * smaller(area / far_sq, 1);
+    float from_surface = larger(dot(normal, from_place), 0) / sqrtf(near_sq) * smaller(area / near_sq, 1);
+    return smaller((1 - SHADED_SHARE * from_surface) / (1 - SHADED_SHARE * from_center), 1);
+}
+
 /* Radiance (3) of white at p with normal n on ball b, from all directions but the area light's: balls that are near
  * are intersected from p itself; for what is farther, the ball's center stands for p. */
 INLINE void surrounding_light(const float *tree, const Around *around, int b, const float *p, const float *n,
@@ -94,6 +109,8 @@ INLINE void surrounding_light(const float *tree, const Around *around, int b, co
     const int *nearest = around->nearest + (size_t)visible * around->room;
     const float *far = around->far_radiance + 3 * (size_t)around->far_index[visible] * count;
     const float *restrict dx = around->directions, *restrict dy = dx + count, *restrict dz = dy + count;
+    float own[3], own_radius;
+    get_ball(tree, b, own, &own_radius);
     float distance[MAX_DIRECTIONS], cosine[MAX_DIRECTIONS];
     int hit[MAX_DIRECTIONS];
     for (int d = 0; d < count; d++) {
@@ -127,6 +144,8 @@ INLINE void surrounding_light(const float *tree, const Around *around, int b, co
             for (int a = 0; a < 3; a++) normal[a] = (normal[a] - c[a]) / radius;
             ball_radiance(around->light + LIGHT_VALUES * (size_t)(other >> around->group_bits),
                           around->albedo + 3 * (size_t)other, normal, radiance);
+            float crowded = contact_factor(c, radius, normal, own, own_radius);
+            for (int a = 0; a < 3; a++) radiance[a] *= crowded;
         }
         total += cosine[d];
         for (int c = 0; c < 3; c++) sum[c] += cosine[d] * radiance[c];

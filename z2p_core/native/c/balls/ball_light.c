@@ -24,21 +24,27 @@ FAST int z2p_trace_from_balls(const float *tree, const BallLevels *levels, const
     return 1;
 }
 
-/* Adds to `light` (count, LIGHT_VALUES) what the area light gives the balls [begin, end) of the list: a linear fit to
- * the radiance of their white surfaces at unit normals (normal_count, 3) that are evenly distributed. */
+/* The unit normal (3) at the middle of a cell of the octahedral map. */
+INLINE void table_normal(int cell, float *n) {
+    float x = ((float)(cell % TABLE_SIDE) + 0.5f) * (2.0f / TABLE_SIDE) - 1;
+    float y = ((float)(cell / TABLE_SIDE) + 0.5f) * (2.0f / TABLE_SIDE) - 1, z = 1 - fabsf(x) - fabsf(y);
+    n[0] = z < 0 ? (1 - fabsf(y)) * (x < 0 ? -1.0f : 1.0f) : x;
+    n[1] = z < 0 ? (1 - fabsf(x)) * (y < 0 ? -1.0f : 1.0f) : y;
+    n[2] = z;
+    normalize(n);
+}
+
+/* Writes the tables of the direct light (count, LIGHT_VALUES) of balls [begin, end) of the list, white ones. */
 FAST int z2p_ball_direct_light(const float *tree, const BallLevels *levels, const BallScene *scene, const int *balls,
-                               int begin, int end, const float *normals, int normal_count, float *light) {
+                               int begin, int end, float *light) {
     for (int i = begin; i < end; i++) {
-        float center[3], radius, *out = light + LIGHT_VALUES * (size_t)i;
+        float center[3], radius, *out = light + LIGHT_VALUES * (size_t)i + INDIRECT_VALUES;
         get_ball(tree, balls[i], center, &radius);
-        for (int k = 0; k < normal_count; k++) {
-            const float *n = normals + 3 * k;
-            float p[3] = {center[0] + radius * n[0], center[1] + radius * n[1], center[2] + radius * n[2]};
-            float unhidden, radiance = direct_light(tree, levels, scene, p, n, &unhidden) / (float)normal_count;
-            for (int c = 0; c < CHANNELS; c++) {
-                out[c] += radiance;
-                for (int a = 0; a < 3; a++) out[3 * (a + 1) + c] += 3 * radiance * n[a];
-            }
+        for (int k = 0; k < TABLE_SIDE * TABLE_SIDE; k++) {
+            float n[3], p[3], unhidden;
+            table_normal(k, n);
+            for (int a = 0; a < 3; a++) p[a] = center[a] + radius * n[a];
+            out[k] = direct_light(tree, levels, scene, p, n, &unhidden);
         }
     }
     return 1;

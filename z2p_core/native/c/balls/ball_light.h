@@ -7,7 +7,9 @@
 #define LIGHT_SAMPLES 64 /* the centers of 8 x 8 equal parts of the square light */
 #define INSIDE_SHARE 0.01f /* a point is inside a ball if the square of its tangent is less than minus that of r^2 */
 #define CHANNELS 3
-#define LIGHT_VALUES (4 * CHANNELS) /* a ball's light in three colors: its mean, then its gradient along x, y and z */
+#define INDIRECT_VALUES (4 * CHANNELS) /* indirect light in three colors: its mean, then its gradient along x, y, z */
+#define TABLE_SIDE 6                   /* direct light is a table over the octahedral map of normals */
+#define LIGHT_VALUES (INDIRECT_VALUES + TABLE_SIDE * TABLE_SIDE) /* a ball's light */
 
 /* The lights of a scene and the grid of its floor, in world units. Mirrored by z2p_core/native/balls.py. */
 typedef struct {
@@ -56,6 +58,8 @@ INLINE float direct_light(const float *tree, const BallLevels *levels, const Bal
         if (dot(planes[k], corners[(k + 2) % 4]) < 0)
             for (int a = 0; a < 3; a++) planes[k][a] = -planes[k][a];
     }
+    float to_light[3] = {center[0] - p[0], center[1] - p[1], center[2] - p[2]};
+    float patch = sqrtf(dot(u, u)) / 8 / dot(to_light, to_light);
     Visit stack[STACK_ROOM];
     int depth = 0;
     stack[depth++] = root_of(levels);
@@ -71,7 +75,7 @@ INLINE float direct_light(const float *tree, const BallLevels *levels, const Bal
             inside[k] = margin + r;
         }
         for (int k = 0; k < BLOCK; k++) {
-            if (!(inside[k] > 0)) continue;
+            if (!(inside[k] > 0)) continue; /* outside the pyramid to the light, or below the horizon */
             if (at.level) {
                 Visit next = {at.level - 1, at.block * BLOCK + k};
                 stack[depth++] = next;
@@ -80,11 +84,17 @@ INLINE float direct_light(const float *tree, const BallLevels *levels, const Bal
             float cx = spheres[k] - p[0], cy = spheres[BLOCK + k] - p[1], cz = spheres[2 * BLOCK + k] - p[2];
             float r = spheres[3 * BLOCK + k], tangent_sq = cx * cx + cy * cy + cz * cz - r * r;
             if (tangent_sq < -INSIDE_SHARE * r * r) return 0;
-            float left[BLOCK] = {0}, total = 0;
+            /* at the ball's distance a sample stands for a patch that wide; smaller balls hide a share of it */
+            float width = larger((cx * to_light[0] + cy * to_light[1] + cz * to_light[2]) * patch, 1e-9f);
+            float blur = larger(r, width), opacity = r * r / (blur * blur), slope = 0.5f / (blur * width);
+            float most = blur * blur * slope + 0.5f, center_sq = cx * cx + cy * cy + cz * cz;
             for (int l = 0; l < LIGHT_SAMPLES; l++) {
                 float along = cx * x[l] + cy * y[l] + cz * z[l];
-                weight[l] = (along > 0) & (along * along > tangent_sq) ? 0 : weight[l];
+                float hidden = most - slope * (center_sq - along * along);
+                hidden = smaller(larger(hidden, 0), 1) * opacity;
+                weight[l] *= along > 0 ? 1 - hidden : 1;
             }
+            float left[BLOCK] = {0}, total = 0;
             for (int l = 0; l < LIGHT_SAMPLES; l += BLOCK)
                 for (int m = 0; m < BLOCK; m++) left[m] = larger(left[m], weight[l + m]);
             for (int m = 0; m < BLOCK; m++) total = larger(total, left[m]);
@@ -94,11 +104,24 @@ INLINE float direct_light(const float *tree, const BallLevels *levels, const Bal
     return sum_samples(weight);
 }
 
+/* Cell of the octahedral map in which a unit normal lies. */
+INLINE int table_cell(const float *n) {
+    float scale = 1 / (fabsf(n[0]) + fabsf(n[1]) + fabsf(n[2])), x = n[0] * scale, y = n[1] * scale;
+    float folded_x = (1 - fabsf(y)) * (x < 0 ? -1 : 1), folded_y = (1 - fabsf(x)) * (y < 0 ? -1 : 1);
+    x = n[2] < 0 ? folded_x : x;
+    y = n[2] < 0 ? folded_y : y;
+    int column = (int)((x + 1) * (0.5f * TABLE_SIDE)), row = (int)((y + 1) * (0.5f * TABLE_SIDE));
+    column = column < 0 ? 0 : column >= TABLE_SIDE ? TABLE_SIDE - 1 : column;
+    row = row < 0 ? 0 : row >= TABLE_SIDE ? TABLE_SIDE - 1 : row;
+    return row * TABLE_SIDE + column;
+}
+
 /* Radiance (3) of a ball at a place with that unit normal, from its light (LIGHT_VALUES) and its albedo (3). */
 INLINE void ball_radiance(const float *light, const float *albedo, const float *normal, float *radiance) {
+    float direct = light[INDIRECT_VALUES + table_cell(normal)];
     for (int c = 0; c < CHANNELS; c++) {
         float white = light[c] + light[3 + c] * normal[0] + light[6 + c] * normal[1] + light[9 + c] * normal[2];
-        radiance[c] = albedo[c] * larger(white, 0);
+        radiance[c] = albedo[c] * (larger(white, 0) + direct);
     }
 }
 
