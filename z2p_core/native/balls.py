@@ -179,7 +179,7 @@ def trace_from_balls(
     """
     hits = np.empty((len(balls), len(directions)), np.int32)
     distances = np.empty(hits.shape, np.float32)
-    limits = np.full(len(balls), -np.inf, np.float32) if min_distances is None else min_distances
+    limits = np.zeros(len(balls), np.float32) if min_distances is None else min_distances
 
     def trace(begin: int, end: int) -> None:
         call("z2p_trace_from_balls", tree.spheres, tree.levels, balls, begin, end, limits, directions,

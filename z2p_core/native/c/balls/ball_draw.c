@@ -10,7 +10,7 @@
 
 #define MAX_SIDE_SAMPLES 4
 #define MAX_DIRECTIONS 128
-#define SHADED_SHARE 0.7f          /* share of the light that a ball takes from a place which it covers whole */
+#define SHADED_SHARE 0.5f          /* share of the light that a ball takes from a place which it covers whole */
 #define LATTICE 4                  /* pixels between those at which the floor's light is computed where it varies little */
 #define LATTICE_TOLERANCE 0.06f    /* difference of hidden light between neighboring ones up to which it does */
 
