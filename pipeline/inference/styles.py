@@ -26,6 +26,10 @@ from z2p_renderer.storage.scans.clouds import Scan
 
 RADIUS_PER_SPACING = 0.5
 """Radius of balls over the median spacing of points, unless the user says: neighbors about touch."""
+MAX_SPACING_POINTS = 20_000
+"""Points at which the spacing is measured, at most."""
+SPACING_NEIGHBORS = 13
+"""Neighbors that are searched for it, the point itself included."""
 LARGEST_RADIUS = 1.0
 """Largest radius of a ball, in radii of the frame; larger ones are a mistake of units."""
 DISC_GBUFFER = "surfels"
@@ -154,12 +158,6 @@ def median_spacing(cloud: np.ndarray) -> float:
     step = -(-len(cloud) // MAX_SPACING_POINTS)
     _, spacing = grid.neighbors(np.arange(0, len(cloud), step), SPACING_NEIGHBORS)
     return float(min(np.median(spacing), LARGEST_RADIUS))
-
-
-MAX_SPACING_POINTS = 20_000
-"""Points at which the spacing is measured, at most."""
-SPACING_NEIGHBORS = 13
-"""Neighbors that are searched for it, the point itself included."""
 
 
 def scene_of(renderer: Renderer, frame: Frame) -> SceneDescription:

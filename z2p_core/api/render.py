@@ -161,8 +161,9 @@ def render(
         ),
         style=_style(style, radius),
     )
-    request = replace(request, color_options=replace(request.color_options, other_fields=request.style.wanted_fields))  # fmt: skip
-    images, notes, is_batch = _render_images(points, colors, request, None if isinstance(radius, str) else radius)
+    options = replace(request.color_options, other_fields=request.style.wanted_fields)
+    request = replace(request, color_options=options)  # fmt: skip
+    images, notes, is_batch = _render_images(points, colors, request, radius)
     for note in dict.fromkeys([*notes, *(note for image in images for note in image.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)
     if not images:

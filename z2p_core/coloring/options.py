@@ -49,7 +49,8 @@ class ColorOptions:
     def wanted_fields(self) -> tuple[str, ...]:
         """Names of the fields that must be read."""
         kept_by = CLASS_FIELDS if self.classes else ()
-        return (*((RGB,) if self.by in (AUTO, RGB) else () if self.by == NONE else (self.by,)), *kept_by, *self.other_fields)
+        own = (RGB,) if self.by in (AUTO, RGB) else () if self.by == NONE else (self.by,)
+        return (*own, *kept_by, *self.other_fields)
 
     @property
     def needs_common_scale(self) -> bool:

@@ -248,7 +248,7 @@ def balls_over_floor(
     balls: np.ndarray, indices: np.ndarray, scene: BallScene, samples: np.ndarray, weights: np.ndarray,
     senders: Senders,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Which share (S, S) of weighted samples balls hide from the floor's cells; and the light (S, S, 3) they send there.
+    """Share (S, S) of weighted samples that balls hide from the floor's cells; and the light (S, S, 3) they send there.
 
     Args:
         balls: (B, 4), centers and radii.

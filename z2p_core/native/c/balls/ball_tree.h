@@ -13,12 +13,12 @@
 #include "common/vec3.h"
 
 #define BLOCK 8
-#define MAX_LEVELS 12
+#define MAX_LEVELS 12 /* the length of starts */
 #define STACK_ROOM (BLOCK * MAX_LEVELS)
 
 /* Blocks of level l begin at block starts[l]; the last level has one block. Mirrored by z2p_core/native/balls.py. */
 typedef struct {
-    int levels, starts[MAX_LEVELS];
+    int levels, starts[12];
 } BallLevels;
 
 /* A block that is still to be visited. */
