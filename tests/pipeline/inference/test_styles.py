@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from pathlib import Path
 
 import z2p_core
 from z2p_core.interfaces import ScanError, SettingError
