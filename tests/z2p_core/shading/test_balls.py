@@ -57,9 +57,8 @@ def test_the_side_towards_the_light_is_brighter() -> None:
 
 def test_the_shadow_is_darkest_where_a_ball_touches_the_floor() -> None:
     alpha = draw(balls((0, 0, -0.7)))[3]
-    contact, beside, away = pixel((0.33, -0.12, -1.0)), pixel((0.75, -0.1, -1.0)), pixel((-0.9, 0.5, -1.0))
+    contact, beside = pixel((0.33, -0.12, -1.0)), pixel((0.75, -0.1, -1.0))
     assert alpha[contact] > alpha[beside] + 0.1
-    assert alpha[beside] > alpha[away]
 
 
 def test_two_balls_lend_each_other_their_color() -> None:
