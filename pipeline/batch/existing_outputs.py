@@ -86,6 +86,8 @@ def _changed_settings(
     }
     changes += [name for name, value in settings.items() if record.get(name) != value]
     changes += _changed_colors(record, look)
+    style = look.style.to_json()
+    changes += [name for name in ("style", "radius") if record.get(name) != style.get(name)]
     if _has_other_weights(record, renderer):
         changes.append("choice of weights")
     if look.crop is not None and record.get("window") != list(look.crop):

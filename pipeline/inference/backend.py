@@ -226,7 +226,7 @@ def _look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
             renderer, request.controls, up=up, view=view, azimuth=_angle("azimuth", request.azimuth), camera=camera,
             keep_outliers=request.keep_outliers, cut_top=request.cut_top, smooth=request.smooth, size=request.size,
             background=request.background, supersample=request.supersample, tight=request.tight,
-            margin=parse_margin(request.margin), color_options=request.color_options,
+            margin=parse_margin(request.margin), color_options=request.color_options, style=request.style,
         )  # fmt: skip
     except SettingError as error:  # it names the command line's option; Python's keyword has no dashes
         raise SettingError(str(error).removeprefix("--")) from None

@@ -9,7 +9,9 @@ from typing import Any
 from z2p_core.coloring.options import ColorOptions
 from z2p_core.interfaces import SettingError, Value
 from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.style import Style
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
+from z2p_renderer.pipeline.inference.styles import check_style
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE
@@ -43,6 +45,8 @@ class Look:
     """The part of the frame that a trimmed picture shows, the same for a whole series; None: its own visible part."""
     color_options: ColorOptions = field(default_factory=ColorOptions)
     """What the points are colored by."""
+    style: Style = field(default_factory=Style)
+    """How the points are shown."""
     margin: float | None = None
     """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
     the visible part. None: the default of either."""
@@ -93,6 +97,7 @@ def build_look(
     margin: float | None,
     crop: Crop | None = None,
     color_options: ColorOptions | None = None,
+    style: Style | None = None,
 ) -> Look:
     """The `Look` that a command's options, a call of `z2p_core.render` or a picture's record stand for.
 
@@ -118,8 +123,10 @@ def build_look(
         smooth=parse_smoothing(smooth),
     )  # fmt: skip
     width, height = size
+    style, values = style or Style(), parse_controls(renderer, controls)
+    check_style(style, renderer, values)
     return Look(
-        values=parse_controls(renderer, controls), placement_options=options, width=width, height=height,
+        values=values, placement_options=options, width=width, height=height,
         background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,
-        color_options=color_options or ColorOptions(),
+        color_options=replace(color_options or ColorOptions(), other_fields=style.wanted_fields), style=style,
     )  # fmt: skip

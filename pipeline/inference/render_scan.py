@@ -21,6 +21,7 @@ from z2p_renderer.pipeline.coloring.common_scale import share_scale
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.prepared_render import PreparedRender
 from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.inference.styles import DRAW, Frame, ball_radii
 from z2p_renderer.pipeline.inference.trim import crop_frame, trim_to_content
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
 from z2p_renderer.pipeline.placement.place_scan import place_scan
@@ -62,7 +63,7 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     """
     elevation, elevation_range = camera_elevation(renderer, look.values)
     placed = place_scan(scan, suffix, look.placement_options, elevation, elevation_range)
-    selected, reason = select_renderer(renderer, placed.cloud)
+    selected, reason = select_renderer(renderer, placed.cloud, look.style.needs_network)
 
     values = dict(look.values)
     if placed.placement.elevation is not None:  # the view chose it
@@ -73,7 +74,8 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
 
     coloring = _choose_colors(scan, viewpoint, selected, look)
     colors = None if coloring is None else coloring.place(viewpoint)
-    picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
+    radii = ball_radii(look.style, scan, cloud, viewpoint)
+    picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors, radii)
     if look.tight:
         picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
     if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
@@ -136,14 +138,14 @@ def with_common_scale(
 
 def _render_frame(
     renderer: Renderer, cloud: np.ndarray, values: dict[str, Value], look: Look, floor: float | None,
-    colors: PointColors | None,
+    colors: PointColors | None, radii: np.ndarray | None,
 ) -> np.ndarray:  # fmt: skip
     """The whole frame (H, W, 4) uint8 of a placed cloud (N, 3) float32; its shadow fades towards the frame's edges."""
     if floor is not None:
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     factor = look.supersample
-    image = renderer.render(cloud, values, look.width * factor, look.height * factor, floor, colors)
-    return _finish_frame(image, factor)
+    frame = Frame(cloud, values, look.width * factor, look.height * factor, floor, colors, radii)
+    return _finish_frame(DRAW[look.style.name](renderer, frame), factor)
 
 
 def render_prepared(
@@ -173,7 +175,8 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         "weights": dict(rendered.renderer.weights),
         **_colors_record(rendered.coloring, look),
         "weights_chosen": rendered.has_automatic_weights,
-        "engine": rendered.renderer.engine,
+        **({"engine": rendered.renderer.engine} if look.style.needs_network else {}),
+        **look.style.to_json(),
         "resolution": [look.width, look.height],
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,

@@ -13,6 +13,7 @@ import numpy as np
 
 from z2p_core.coloring.options import ColorOptions
 from z2p_core.errors.install_advice import install_advice
+from z2p_core.style import Style
 
 if TYPE_CHECKING:
     from z2p_core.placement.viewpoint import Viewpoint
@@ -51,6 +52,8 @@ class RenderRequest:
     """Of each cloud, what numbers its own colors were; empty where it is not known."""
     color_options: ColorOptions = field(default_factory=ColorOptions)
     """What the points are colored by."""
+    style: Style = field(default_factory=Style)
+    """How they are shown."""
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SIDE_LIMITS
+from z2p_core.style import GIVEN_RADII, Style, parse_style
 
 DEFAULT_SIDE = 512
 """Width and height of a picture in pixels, unless the caller names a size."""
@@ -80,6 +81,8 @@ def render(
     color_bar: bool = False,
     classes: int | Sequence[int] | None = None,
     relight: float | None = None,
+    style: str = "surface",
+    radius: Any = None,
     **controls: ControlValue,
 ) -> Picture:
     """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
@@ -124,6 +127,11 @@ def render(
         classes: keep only the points with these labels, of `colors`, or of a field such as ``classification``.
         relight: how much of the studio's light falls on the points' colors: 1 (all) to 0 (they stay as they are, with
             the shadow on the floor). None: 1.
+        style: ``surface`` (the surface that the points lie on), ``balls`` (a lit ball at each point, without any
+            network) or ``discs`` (a lit disc in each point's tangent plane, clipped to join its neighbors).
+        radius: of balls, in the data's units: a number, one for each point (N,), (B, N) or a list of (N,), or the name
+            of a field of the object or file; or a share of the object's bounding sphere, as in ``"2%"``. None: half
+            the points' spacing.
         **controls: the value of a control, by its name: text as on the command line, a number, or numbers. Every
             installed control has a keyword, those of other packages too; None stands for its default. Built in are
 
@@ -151,8 +159,11 @@ def render(
             _field_name(colors), cmap, parse_limits(clim), parse_classes(classes), parse_relight(relight),
             _switch("color_bar", color_bar),
         ),
-    )  # fmt: skip
-    images, notes, is_batch = _render_images(points, colors, request)
+        style=_style(style, radius),
+    )
+    options = replace(request.color_options, other_fields=request.style.wanted_fields)
+    request = replace(request, color_options=options)  # fmt: skip
+    images, notes, is_batch = _render_images(points, colors, request, radius)
     for note in dict.fromkeys([*notes, *(note for image in images for note in image.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)
     if not images:
@@ -177,11 +188,14 @@ render.__signature__ = _signature_with_controls()  # type: ignore[attr-defined]
 
 
 def _render_images(
-    points: Any, colors: Any, request: RenderRequest
+    points: Any, colors: Any, request: RenderRequest, radii: Any
 ) -> tuple[list[RenderedImage], list[str], bool]:
     """An image of each cloud, what to warn of beside their own notes, and whether `points` is a batch."""
     given_colors = None if isinstance(colors, str) else colors
     if isinstance(points, str | Path):
+        if request.style.radius_field == GIVEN_RADII:
+            raise SettingError("expected the name of one of the file's fields as radius, got an array: its numbers "
+                               "cannot be matched to the file's points; read the points first")
         request, notes = (request, []) if given_colors is None else _with_mean_color(request, given_colors)
         return load_backend().render_file(Path(points), request), notes, False
     given, notes = point_arrays(points), []
@@ -189,6 +203,8 @@ def _render_images(
         request, fields=given.fields, class_names=given.class_names, color_kinds=given.color_kinds
     )  # fmt: skip
     notes += given.notes if colors is None else ()
+    if request.style.radius_field == GIVEN_RADII:
+        request = _with_radii(request, radii, given.clouds)
     if given_colors is not None:
         if request.controls.get("color") is None:
             request = _with_colors(request, given_colors, given.clouds)
@@ -213,6 +229,28 @@ def _with_colors(request: RenderRequest, colors: Any, clouds: Sequence[np.ndarra
     fields = tuple(ChainMap({name: part}, other)  # type: ignore[arg-type]  # it is only read
                    for other, part in zip(others, parts, strict=True))  # fmt: skip
     return replace(request, fields=fields, color_kinds=(), color_options=replace(request.color_options, by=by))
+
+
+def _with_radii(request: RenderRequest, radii: Any, clouds: Sequence[np.ndarray]) -> RenderRequest:
+    """The request with the radii (N,) of each cloud that a caller gives.
+
+    Raises:
+        SettingError: they are not one number for each point.
+    """
+    try:
+        parts = split_scalars(radii, clouds)
+    except SettingError as error:
+        raise SettingError(str(error).replace("colors", "radii")) from None
+    others = request.fields or [{} for _ in clouds]
+    fields = tuple(ChainMap({GIVEN_RADII: part}, other)  # type: ignore[arg-type]  # it is only read
+                   for other, part in zip(others, parts, strict=True))  # fmt: skip
+    return replace(request, fields=fields)
+
+
+def _style(style: Any, radius: Any) -> Style:
+    """The style and the radius of its balls, of which there may be one for each point."""
+    is_array = radius is not None and not isinstance(radius, str) and np.ndim(radius) > 0
+    return parse_style(style, GIVEN_RADII if is_array else radius)
 
 
 def _field_name(colors: Any) -> str:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
     import numpy as np
 
     from z2p_core.placement.viewpoint import Viewpoint
+    from z2p_core.style import Style
     from z2p_renderer.pipeline.inference.look import Crop, Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
@@ -42,6 +43,8 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
               help="Turn the object by so many degrees more.")
 @click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
               help="Another camera: JSON of --save-camera, or another picture.")
+@click.option("--style", type=click.Choice(["surface", "balls", "discs"]), help="Another style.")
+@click.option("--radius", metavar="R", help="Another radius of balls: in the data's units, in percent, or a field.")
 @click.option("--smooth", type=SmoothRadius(), help="Smooth the surface over patches of this radius; 0: do not.")
 @click.option("--resolution", "--size", type=Resolution(), help="Another size in pixels.")
 @click.option("--background", type=BackgroundColor(),
@@ -189,7 +192,9 @@ def _build_changed_look(
 ) -> Look:
     """The look of the record with the changes that `controls` and `options` make."""
     from z2p_renderer.pipeline.inference.look import build_look
+    from z2p_renderer.pipeline.inference.parse_settings import parse_controls
     from z2p_renderer.pipeline.inference.renderer import Renderer
+    from z2p_renderer.pipeline.inference.styles import unused_controls
 
     if (
         options["weights"] is None
@@ -201,6 +206,9 @@ def _build_changed_look(
     dropped = sorted(set(record["controls"]) - set(recorded_controls))
     if dropped and not options["quiet"]:
         click.echo(f"note: the weights {weights!r} have no {' or '.join(dropped)}; the picture's is left out", err=True)
+    style = _changed_style(record, options)
+    for name in unused_controls(style, renderer, parse_controls(renderer, recorded_controls)):
+        del recorded_controls[name]
     if options["load_camera"] is not None:
         recorded_controls.pop("elevation", None)  # the loaded camera has its own
     placing = record["placing"]
@@ -214,8 +222,18 @@ def _build_changed_look(
         size=changed["resolution"], background=changed["background"], supersample=changed["supersample"],
         tight=changed["fit"] == "tight", margin=_changed_margin(record, options),
         crop=_kept_crop(record, controls, options),
-        color_options=color_options_of_record(record, options, "color" in controls),
+        color_options=color_options_of_record(record, options, "color" in controls), style=style,
     )  # fmt: skip
+
+
+def _changed_style(record: Mapping[str, Any], options: dict[str, Any]) -> Style:
+    """The given style, else the picture's; with the given radius, else the picture's if the style stays."""
+    from z2p_core.style import SURFACE, parse_style
+
+    recorded = record.get("style", SURFACE)
+    style = options["style"] or recorded
+    radius = options["radius"] or (record.get("radius") if style == recorded else None)
+    return parse_style(style, radius)
 
 
 def _changed_camera(record: Mapping[str, Any], controls: dict[str, Value], options: dict[str, Any]) -> Viewpoint:

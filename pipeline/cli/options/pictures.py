@@ -55,6 +55,12 @@ PICTURE_OPTIONS = (
                  help="Keep outliers, which make the object small, and the background of a depth camera's subject."),
     click.option("--cut-top", default=0.0, type=FiniteRange(0, 100, max_open=True), metavar="PERCENT",
                  help="Cut off this share of the height at the top, to look into a room."),
+    click.option("--style", default="surface", type=click.Choice(["surface", "balls", "discs"]),
+                 help="surface: the surface that the points lie on; balls: a lit ball at each point; discs: a lit disc "
+                 "at each."),
+    click.option("--radius", metavar="R",
+                 help="Radius of balls: in the data's units; in percent of the object's radius, as in 2%; or the name "
+                 "of a field of the scan.  [default: half the points' spacing]"),
     click.option("--smooth", default="auto", type=SmoothRadius(),
                  help="Smooth the surface over patches of this radius, as a share of the frame's radius; auto: only "
                  "noisy clouds of depth cameras; 0: never, and leave gaps open."),
@@ -104,6 +110,7 @@ def look_from_options(
     Raises:
         SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
     """
+    from z2p_core.style import parse_style
     from z2p_renderer.pipeline.inference.look import build_look
     from z2p_renderer.storage.cameras import read_camera
 
@@ -113,7 +120,7 @@ def look_from_options(
         camera=None if file is None else read_camera(file), keep_outliers=options["keep_outliers"],
         cut_top=options["cut_top"], smooth=options["smooth"], size=options["resolution"],
         background=options["background"], supersample=options["supersample"], tight=options["fit"] == "tight",
-        margin=options["margin"], color_options=color_options,
+        margin=options["margin"], color_options=color_options, style=parse_style(options["style"], options["radius"]),
     )  # fmt: skip
 
 
