@@ -8,11 +8,15 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from z2p_core.interfaces import SettingError
+from z2p_core.pinhole import PinholeCamera, camera_from_json
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_renderer.storage.files.atomic_write import atomic_write, file_kind
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_exists, printable
 from z2p_renderer.storage.images.image_files import FORMATS, PictureError, read_record
+from z2p_renderer.storage.poses.colmap_poses import is_colmap_model
+from z2p_renderer.storage.poses.nerfstudio_poses import is_transforms
+from z2p_renderer.storage.poses.read_poses import LIST_KEY, is_pinhole_json, read_poses
 
 MAX_CAMERA_BYTES = 1 << 16
 """Camera files are smaller; larger files are not read."""
@@ -40,6 +44,27 @@ def check_camera_place(path: Path, taken: Iterable[Path] = ()) -> None:
 def write_camera(viewpoint: Viewpoint, path: Path) -> None:
     """Writes a viewpoint as a JSON file, atomically."""
     atomic_write((json.dumps(viewpoint.to_json(), indent=2) + "\n").encode(), path)
+
+
+def read_any_camera(path: Path) -> Viewpoint | PinholeCamera:
+    """The viewpoint in a file, see `read_camera`, or the only camera in the data's units that it holds.
+
+    Raises:
+        SettingError: the file is missing, or holds neither; or it holds several cameras.
+    """
+    if path.suffix.lower() in (*FORMATS, ".gif"):
+        try:
+            pinhole = read_record(path).get("pinhole")
+        except (PictureError, OSError):  # reported below
+            pinhole = None
+        return read_camera(path) if pinhole is None else camera_from_json(pinhole)
+    if _is_viewpoint(path):
+        return read_camera(path)
+    cameras, _ = read_poses(path)
+    if len(cameras) > 1:
+        raise SettingError(f"cameras {printable(path)}: expected one camera, got {len(cameras)}; choose one of "
+                           "z2p_core.read_cameras(path)")
+    return cameras[0]
 
 
 def read_camera(path: Path) -> Viewpoint:
@@ -85,6 +110,19 @@ def _is_same_file(path: Path, other: Path) -> bool:
     return os.path.realpath(path) == os.path.realpath(other) or (
         path_exists(path) and path_exists(other) and path.samefile(other)
     )
+
+
+def _is_viewpoint(path: Path) -> bool:
+    """Whether a file is missing, so that `read_camera` says so, or holds a viewpoint; COLMAP's files are none."""
+    if is_colmap_model(path) or path.is_dir():
+        return False
+    try:
+        with path.open("rb") as file:
+            head = file.read(MAX_CAMERA_BYTES + 1)
+        data = read_json(head, MAX_CAMERA_BYTES)
+    except (OSError, ValueError):  # a long list of cameras, say
+        return not path.is_file() or path.stat().st_size <= MAX_CAMERA_BYTES
+    return not (is_transforms(data) or is_pinhole_json(data) or isinstance(data, list) or (isinstance(data, dict) and LIST_KEY in data))
 
 
 def _is_camera(path: Path) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 
 from z2p_core.coloring.options import ColorOptions
 from z2p_core.interfaces import SettingError, Value
+from z2p_core.pinhole import AnyCamera, LookAt, PinholeCamera
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
@@ -93,6 +94,7 @@ def build_look(
     margin: float | None,
     crop: Crop | None = None,
     color_options: ColorOptions | None = None,
+    own_camera: AnyCamera | None = None,
 ) -> Look:
     """The `Look` that a command's options, a call of `z2p_core.render` or a picture's record stand for.
 
@@ -103,6 +105,7 @@ def build_look(
         camera: replaces `up` and `view`, the elevation included.
         smooth, background: see `parse_smoothing` and `parse_background`.
         size: width and height in pixels.
+        own_camera: a camera in the data's units: it replaces `view`; its own picture's shape is kept within `size`.
 
     The other arguments are fields of `PlacementOptions` and `Look`.
 
@@ -113,9 +116,11 @@ def build_look(
         view, elevation = view
         if camera is None:
             controls = {**controls, "elevation": elevation}
+    if own_camera is not None:
+        own_camera, size = _sized_camera(own_camera, size, azimuth, controls)
     options = PlacementOptions(
         up=up, view=view, azimuth=azimuth, keep_outliers=keep_outliers, cut_top=cut_top, viewpoint=camera,
-        smooth=parse_smoothing(smooth),
+        smooth=parse_smoothing(smooth), camera=own_camera,
     )  # fmt: skip
     width, height = size
     return Look(
@@ -123,3 +128,21 @@ def build_look(
         background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,
         color_options=color_options or ColorOptions(),
     )  # fmt: skip
+
+
+def _sized_camera(
+    camera: AnyCamera, size: tuple[int, int], azimuth: float, controls: Mapping[str, Any]
+) -> tuple[AnyCamera, tuple[int, int]]:
+    """The camera with a picture of that size in pixels, or one that fits into it; and the picture's size.
+
+    Raises:
+        SettingError: other settings determine the view as well.
+    """
+    has_place = isinstance(camera, PinholeCamera) or camera.eye is not None
+    if has_place and azimuth:
+        raise SettingError("camera and azimuth both choose the side; leave one out")
+    if has_place and controls.get("elevation") is not None:
+        raise SettingError("camera and elevation both choose the camera's height; leave one out")
+    if isinstance(camera, LookAt):
+        return camera, camera.size or size
+    return camera, (camera.width, camera.height)

@@ -13,6 +13,7 @@ from z2p_core import __version__
 from z2p_core.coloring.options import AUTO, NONE
 from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import PointColors, SettingError, Value
+from z2p_core.pinhole import PinholeCamera
 from z2p_core.placement.margin import radius_with_margin, with_margin
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.shadow_fade import fade_shadow
@@ -22,7 +23,7 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.trim import crop_frame, trim_to_content
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
-from z2p_renderer.pipeline.placement.place_scan import place_scan
+from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, place_scan
 from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.scans.clouds import Scan
 
@@ -51,6 +52,10 @@ class RenderedScan:
     """Whether the weights were selected by the cloud, rather than named by the user."""
     coloring: Coloring | None = None
     """The colors of the points, in place of the control ``color``; None if the whole object has one color."""
+    pinhole: PinholeCamera | None = None
+    """The camera of the user's, in the data's units; None: the usual one, which `viewpoint` describes."""
+    unfamiliar: str = ""
+    """Why it was drawn without the network; empty if it was not."""
 
 
 def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
@@ -72,7 +77,10 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
 
     coloring = _choose_colors(scan, viewpoint, selected, look)
     colors = None if coloring is None else coloring.place(viewpoint)
-    picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
+    if placed.camera is None:
+        picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
+    else:
+        picture = _render_from(selected, placed, values, look, colors)
     if look.tight:
         picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
     if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
@@ -80,7 +88,7 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
 
         picture = draw_onto(picture, coloring.scale, look.background)
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
-                        isinstance(renderer, AutoRenderer), coloring)  # fmt: skip
+                        isinstance(renderer, AutoRenderer), coloring, placed.pinhole, placed.unfamiliar)  # fmt: skip
 
 
 def _choose_colors(scan: Scan, viewpoint: Viewpoint, renderer: Renderer, look: Look) -> Coloring | None:
@@ -147,9 +155,23 @@ def _render_frame(
     return fade_shadow(image)
 
 
+def _render_from(
+    renderer: Renderer, placed: PlacedCloud, values: dict[str, Value], look: Look, colors: PointColors | None
+) -> np.ndarray:
+    """The frame (H, W, 4) uint8 of a placed cloud as a camera of the user's sees it."""
+    camera, factor = placed.camera, look.supersample
+    assert camera is not None
+    large = camera.resized(camera.width * factor, camera.height * factor)
+    image = renderer.render_from(placed.cloud, large, values, None, colors, use_network=not placed.unfamiliar)
+    if factor > 1:
+        image = bytes_from_unit(shrink(unit_from_bytes(image), factor))
+    return fade_shadow(image)
+
+
 def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:
     """All that made a picture, JSON-able; `source` describes the cloud: name, path, sha256, index in its file."""
     window = {} if look.crop is None else {"window": list(look.crop)}
+    size = [look.width, look.height] if rendered.pinhole is None else [rendered.pinhole.width, rendered.pinhole.height]
     return {
         "record": RECORD_FORMAT,
         "version": __version__,
@@ -160,7 +182,7 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         **_colors_record(rendered.coloring, look),
         "weights_chosen": rendered.has_automatic_weights,
         "engine": rendered.renderer.engine,
-        "resolution": [look.width, look.height],
+        "resolution": size,
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
@@ -168,6 +190,19 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         "placing": {name: getattr(look.placement_options, name) for name in RECORDED_OPTIONS},
         "stance": rendered.placement.to_json(),
         **window,
+        **_pinhole_record(rendered, look),
+    }
+
+
+def _pinhole_record(rendered: RenderedScan, look: Look) -> dict[str, Any]:
+    """What a record says of a camera in the data's units: nothing without one."""
+    wish = look.placement_options.camera
+    if rendered.pinhole is None or wish is None:
+        return {}
+    return {
+        "pinhole": rendered.pinhole.to_json(),
+        "pinhole_wish": wish.to_json(),
+        **({"without_network": rendered.unfamiliar} if rendered.unfamiliar else {}),
     }
 
 

@@ -10,16 +10,17 @@ import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.interfaces import Control, Engine, PointColors, Value
+from z2p_core.interfaces import Control, Engine, PointColors, SettingError, Value
 from z2p_core.native import to_straight_rgba8
 from z2p_core.network.crop_window import crop_window
 from z2p_core.network.exit_guard import inside_engine
 from z2p_core.parallel import parallel_rows
+from z2p_core.placement.placed_camera import PlacedCamera
 from z2p_core.scene import SceneDescription
 from z2p_core.settings import apply_controls, settings_vector
 from z2p_core.shading.demodulation import apply_relative_radiance, reduce_light
 from z2p_core.shading.textured_light import neutral_albedo
-from z2p_renderer.pipeline.inference.adaptive_resolution import render_size, upsampled
+from z2p_renderer.pipeline.inference.adaptive_resolution import placed_render_size, render_size, upsampled
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.input_buffers import draw_textured_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
@@ -109,20 +110,54 @@ class Renderer:
         `colors` are the surface's own, which take the place of the control ``color``; only for weights that
         `draw_colors`.
         """
+        return self._render(cloud, values, Camera(width, height), floor, colors, render_size(cloud, width, height))
+
+    def render_from(
+        self, cloud: np.ndarray, camera: PlacedCamera, values: dict[str, Value] | None = None,
+        floor: float | None = None, colors: PointColors | None = None, *, use_network: bool = True,
+    ) -> np.ndarray:  # fmt: skip
+        """The image (height, width, 4) uint8 of `render` as any camera sees the cloud; without the network if asked.
+
+        Raises:
+            SettingError: no network is to be used, and these weights' G-buffer makes no picture by itself.
+        """
+        size = placed_render_size(cloud, camera) if use_network else (camera.width, camera.height)
+        return self._render(cloud, values, camera, floor, colors, size, use_network)
+
+    def _render(
+        self, cloud: np.ndarray, values: dict[str, Value] | None, camera: Camera, floor: float | None,
+        colors: PointColors | None, size: tuple[int, int], use_network: bool = True,
+    ) -> np.ndarray:  # fmt: skip
+        """The image of the camera's size, drawn at another `size` (width, height) and upsampled."""
         if colors is not None:
             neutral = neutral_albedo(colors.albedo)
             color = tuple(round(channel, 5) for channel in srgb_from_linear(neutral).tolist())
             values = {**(values or {}), "color": color}
-        inputs, relative = self._inputs(cloud, values, *render_size(cloud, width, height), floor, colors)
+        inputs, relative = self._inputs(cloud, values, camera, size, floor, colors)
         buffers, encoding, settings = inputs
         features = buffers[0, self._loaded.zbuffer.channels :]
-        image = self._run_network(buffers, features, encoding, settings, len(cloud))
-        self._loaded.gbuffer.reconcile(image, features, len(cloud))
+        if use_network:
+            image = self._run_network(buffers, features, encoding, settings, len(cloud))
+            self._loaded.gbuffer.reconcile(image, features, len(cloud))
+        else:
+            image = self._rough_picture(features)
         if colors is not None and relative is not None:
             if colors.relight < 1:
                 reduce_light(image, neutral, relative[3], colors.relight)
             apply_relative_radiance(image, relative[:3], relative[3])
-        return to_straight_rgba8(upsampled(image, width, height))
+        return to_straight_rgba8(upsampled(image, camera.width, camera.height))
+
+    def _rough_picture(self, features: np.ndarray) -> np.ndarray:
+        """What the G-buffer's features (channels, H, W) show without the network: (4, H, W) premultiplied.
+
+        Raises:
+            SettingError: nothing.
+        """
+        rough = self._loaded.gbuffer.rough_picture(features)
+        if rough is None:
+            raise SettingError(f"the weights {self.weights['name']!r} do not know this camera, and their G-buffer makes "
+                               "no picture by itself; choose others with --weights, or a camera nearer to the usual")
+        return np.require(rough, np.float32, ["C", "W"])
 
     def inputs(
         self,
@@ -133,23 +168,30 @@ class Renderer:
         floor: float | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The network's inputs for that image: buffers, encoding and settings, as `Engine.run` takes them."""
-        return self._inputs(cloud, values, width, height, floor, None)[0]
+        return self._inputs(cloud, values, Camera(width, height), (width, height), floor, None)[0]
 
     def _inputs(
-        self, cloud: np.ndarray, values: dict[str, Value] | None, width: int, height: int, floor: float | None,
-        colors: PointColors | None,
+        self, cloud: np.ndarray, values: dict[str, Value] | None, camera: Camera, size: tuple[int, int],
+        floor: float | None, colors: PointColors | None,
     ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray | None]:  # fmt: skip
-        """`inputs`, and the relative radiance (4, height, width) of a surface with colors of its own."""
+        """`inputs` at a `size`, and the relative radiance (4, height, width) of a surface with colors of its own.
+
+        A `PlacedCamera` keeps its place; the usual camera stands at the elevation of the settings.
+        """
         scene = SceneDescription(floor=floor)
         if self.fixed_elevation is not None:
             scene.elevation = self.fixed_elevation
         settings = self.settings(values)
         apply_controls(settings, self.controls, scene)
-        camera = Camera(width, height, scene.elevation)
+        if isinstance(camera, PlacedCamera):
+            camera = camera.resized(*size)
+            encoding = self._loaded.encoder.encode(*camera.frame_coordinates(step=self._loaded.config.unshuffle))
+        else:
+            camera, encoding = Camera(*size, scene.elevation), self._encoding(*size)
         buffers, relative = draw_textured_buffers(
             cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer
         )
-        inputs = buffers[None], self._encoding(width, height), settings_vector(settings, self.controls)[None]
+        inputs = buffers[None], encoding, settings_vector(settings, self.controls)[None]
         return inputs, relative
 
     def _encoding(self, width: int, height: int) -> np.ndarray:

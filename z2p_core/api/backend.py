@@ -15,6 +15,7 @@ from z2p_core.coloring.options import ColorOptions
 from z2p_core.errors.install_advice import install_advice
 
 if TYPE_CHECKING:
+    from z2p_core.pinhole import AnyCamera
     from z2p_core.placement.viewpoint import Viewpoint
 
 GROUP = "z2p.studio"
@@ -28,7 +29,7 @@ class RenderRequest:
     up: str = "+Z"
     view: str | float | tuple[float, float] = "auto"
     azimuth: float = 0.0
-    camera: Viewpoint | Mapping[str, Any] | str | Path | None = None
+    camera: Viewpoint | AnyCamera | Mapping[str, Any] | str | Path | None = None
     controls: Mapping[str, Any] = field(default_factory=dict)
     """Control name -> text, number or numbers; None counts as not given."""
     size: tuple[int, int] = (512, 512)
@@ -51,6 +52,8 @@ class RenderRequest:
     """Of each cloud, what numbers its own colors were; empty where it is not known."""
     color_options: ColorOptions = field(default_factory=ColorOptions)
     """What the points are colored by."""
+    has_size: bool = False
+    """Whether the caller chose the size."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 from z2p_core.api.backend import load_backend
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import SettingError
+from z2p_core.pinhole import PinholeCamera, camera_from_json
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 
 
@@ -31,8 +32,11 @@ class Picture:
     """The pictures of a batch; empty for one picture."""
 
     @property
-    def camera(self) -> Viewpoint:
+    def camera(self) -> Viewpoint | PinholeCamera:
         """Its camera, for `render(others, camera=...)`; for a batch, that of the first picture."""
+        pinhole = self[0].record.get("pinhole")
+        if pinhole is not None:
+            return camera_from_json(pinhole)
         return viewpoint_from_json(self[0].record["camera"])
 
     def save(self, path: str | os.PathLike[str]) -> Path:

@@ -38,6 +38,7 @@ from z2p_core.coloring.options import (
 )
 from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.pinhole import AnyCamera
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SIDE_LIMITS
 
@@ -64,7 +65,7 @@ def render(
     up: str | None = None,
     view: str | float | tuple[float, float] = "auto",
     azimuth: float = 0.0,
-    camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None,
+    camera: Viewpoint | AnyCamera | Picture | Mapping[str, Any] | str | Path | None = None,
     size: int | tuple[int, int] | None = None,
     resolution: int | tuple[int, int] | None = None,
     background: str | Sequence[float] | None = None,
@@ -104,7 +105,9 @@ def render(
             azimuth, or (azimuth, elevation).
         azimuth: degrees that the object is turned by on top of that.
         camera: another picture or its `picture.camera`, or a file that --save-camera wrote; the object keeps its true
-            size and place before it. Replaces `up` and `view`.
+            size and place before it. Replaces `up` and `view`. Or a camera in the data's units: `pinhole_camera(K, R,
+            t, size)`, `look_at(eye, target)`, a mapping or JSON file with K, R, t, width and height; its picture fits
+            into `size` where one is given.
         size, resolution: the picture's size in pixels, one number or (width, height), 32 to 4096; two names for the
             same argument. None: 512.
         background: None for transparent, or a CSS name, ``#hex`` or sRGB triple in [0, 1].
@@ -150,7 +153,7 @@ def render(
         color_options=ColorOptions(
             _field_name(colors), cmap, parse_limits(clim), parse_classes(classes), parse_relight(relight),
             _switch("color_bar", color_bar),
-        ),
+        ), has_size=size is not None or resolution is not None,
     )  # fmt: skip
     images, notes, is_batch = _render_images(points, colors, request)
     for note in dict.fromkeys([*notes, *(note for image in images for note in image.notes)]):
