@@ -156,8 +156,10 @@ def pinhole_camera(
     """
     intrinsics, rotation, translation = _numbers(K, "K", (3, 3)), _numbers(R, "R", (3, 3)), _numbers(t, "t", (3,))
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-        raise SettingError("camera: expected R as a rotation matrix (rows of length 1 at right angles, no mirror), got "
-                           f"{rotation.tolist()}")
+        raise SettingError(
+            "camera: expected R as a rotation matrix (rows of length 1 at right angles, no mirror), got "
+            f"{rotation.tolist()}"
+        )
     if abs(intrinsics[0, 1]) > 1e-6 * abs(intrinsics[0, 0]) or np.abs(intrinsics[2] - (0, 0, 1)).max() > 1e-6:
         raise SettingError(f"camera: expected K as [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got {intrinsics.tolist()}")
     if not (intrinsics[0, 0] > 0 and intrinsics[1, 1] > 0):
@@ -289,8 +291,10 @@ def check_drawable_size(camera: PinholeCamera) -> None:
     """
     least, most = SIDE_LIMITS
     if not (least <= camera.width <= most and least <= camera.height <= most):
-        raise SettingError(f"camera: expected a picture with sides from {least} to {most} pixels, got {camera.width} x "
-                           f"{camera.height}; --resolution draws the same view in fewer")
+        raise SettingError(
+            f"camera: expected a picture with sides from {least} to {most} pixels, got {camera.width} x "
+            f"{camera.height}; --resolution draws the same view in fewer"
+        )
 
 
 def _numbers(given: Any, key: str, shape: tuple[int, ...]) -> np.ndarray:

@@ -124,7 +124,12 @@ def _write_gallery(pictures: list[Path], folder: Path) -> list[Path]:
 def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> list[Path]:
     from z2p_core.placement.margin import with_margin
     from z2p_renderer.storage.cameras import read_camera, write_camera
+    from z2p_renderer.storage.poses.read_poses import write_poses
 
+    pinholes = [pinhole for outcome in done for pinhole in outcome.pinholes]
+    if pinholes:
+        write_poses(pinholes, options["save_camera"])
+        return [options["save_camera"]]
     viewpoints = [viewpoint for outcome in done for viewpoint in outcome.viewpoints]
     if options["same_frame"] and look.placement_options.viewpoint is not None:
         viewpoints = [with_margin(look.placement_options.viewpoint, look.frame_margin)]

@@ -36,8 +36,9 @@ from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, 
 from z2p_renderer.pipeline.placement.hints import options_as_keywords
 from z2p_renderer.storage.cameras import read_any_camera
 from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, encode_picture, write_picture
-from z2p_renderer.storage.poses.read_poses import is_pinhole_json
+from z2p_renderer.storage.images.pass_files import check_pass_format, write_passes
 from z2p_renderer.storage.models.checkpoints import find_weights
+from z2p_renderer.storage.poses.read_poses import is_pinhole_json, read_poses
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, scan_from_raw
 
 NAMED_VIEWS = ("auto", "front", "sensor")
@@ -79,6 +80,25 @@ class RenderBackend:
             source["path"] = path.absolute().as_posix()
         sources = [{**source, "cloud": index} for index in range(len(scans))]
         return _render_all(scans, sources, format_suffix(path), request)
+
+    def read_cameras(self, path: Path) -> list[PinholeCamera]:
+        """The cameras in the data's units of a file.
+
+        Raises:
+            SettingError: the file is missing, or holds none.
+        """
+        return read_poses(path)[0]
+
+    def save_passes(
+        self, passes: Mapping[str, np.ndarray], camera: PinholeCamera, picture: Path, format: str
+    ) -> list[Path]:
+        """Write passes and their camera beside a picture; the paths of the files.
+
+        Raises:
+            SettingError: there is no such format, or its library is not installed.
+        """
+        check_pass_format(format)
+        return write_passes(passes, camera, picture, format)
 
     def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:
         """Write an image (H, W, 4) uint8 with its record, in the format of the path's suffix."""
@@ -145,7 +165,9 @@ def _render_all(
             rendered = _render_labeled(renderer, scan, suffix, own_look)
             array = rendered.picture if look.background is None else opaque_over(rendered.picture, look.background)
             record = build_record(rendered, own_look, source)
-            images.append(RenderedImage(array, record, (*_notes(scan, rendered, look), *filter(None, [note]))))
+            images.append(
+                RenderedImage(array, record, (*_notes(scan, rendered, look), *filter(None, [note])), rendered.passes)
+            )
     return images
 
 
@@ -229,6 +251,7 @@ def _look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
             keep_outliers=request.keep_outliers, cut_top=request.cut_top, smooth=request.smooth, size=request.size,
             background=request.background, supersample=request.supersample, tight=request.tight,
             margin=parse_margin(request.margin), color_options=request.color_options, own_camera=own_camera,
+            passes=request.passes,
         )  # fmt: skip
     except SettingError as error:  # it names the command line's option; Python's keyword has no dashes
         raise SettingError(str(error).removeprefix("--")) from None
@@ -304,6 +327,8 @@ def _notes(scan: Scan, rendered: RenderedScan, look: Look) -> Iterator[str]:
         yield placement.rounding_message
     if placement.outside_count:
         yield f"{placement.outside_count} points lie beyond the camera's frame"
+    if rendered.unfamiliar:
+        yield f"drawn without the network, which does not know this camera: {rendered.unfamiliar}"
     if placement.hint:
         yield options_as_keywords(placement.hint)
 

@@ -44,6 +44,8 @@ class Look:
     """The part of the frame that a trimmed picture shows, the same for a whole series; None: its own visible part."""
     color_options: ColorOptions = field(default_factory=ColorOptions)
     """What the points are colored by."""
+    passes: tuple[str, ...] = ()
+    """What else is drawn of every picture: `z2p_core.pass_names.PASSES`."""
     margin: float | None = None
     """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
     the visible part. None: the default of either."""
@@ -67,6 +69,13 @@ class Look:
     def untrimmed(self) -> Look:
         """The same look, showing the whole frame."""
         return replace(self, tight=False, margin=self.frame_margin)
+
+    def taken_by(self, camera: AnyCamera) -> Look:
+        """The same look as another camera in the data's units sees it."""
+        size = (camera.width, camera.height) if isinstance(camera, PinholeCamera) else camera.size
+        width, height = size or (self.width, self.height)
+        options = replace(self.placement_options, camera=camera)
+        return replace(self, placement_options=options, width=width, height=height)
 
     def written_as(self, suffix: str) -> Look:
         """The look in a file with that suffix (lower-case, with its dot).
@@ -95,6 +104,7 @@ def build_look(
     crop: Crop | None = None,
     color_options: ColorOptions | None = None,
     own_camera: AnyCamera | None = None,
+    passes: tuple[str, ...] = (),
 ) -> Look:
     """The `Look` that a command's options, a call of `z2p_core.render` or a picture's record stand for.
 
@@ -126,7 +136,7 @@ def build_look(
     return Look(
         values=parse_controls(renderer, controls), placement_options=options, width=width, height=height,
         background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,
-        color_options=color_options or ColorOptions(),
+        color_options=color_options or ColorOptions(), passes=passes,
     )  # fmt: skip
 
 

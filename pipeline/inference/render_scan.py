@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -11,10 +11,11 @@ import numpy as np
 
 from z2p_core import __version__
 from z2p_core.coloring.options import AUTO, NONE
-from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
+from z2p_core.images import bytes_from_unit, linear_from_srgb, shrink, unit_from_bytes
 from z2p_core.interfaces import PointColors, SettingError, Value
 from z2p_core.pinhole import PinholeCamera
 from z2p_core.placement.margin import radius_with_margin, with_margin
+from z2p_core.placement.usual_camera import usual_pinhole
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.shadow_fade import fade_shadow
 from z2p_renderer.pipeline.coloring.color_points import Coloring, Scale, color_points
@@ -29,6 +30,8 @@ from z2p_renderer.storage.scans.clouds import Scan
 
 RECORD_FORMAT = 1
 """Version of the record's format, raised when the meaning of a key changes."""
+DEFAULT_BASE_SRGB = (0.906, 0.906, 0.906)
+"""sRGB of the base color where no control sets one: `z2p_core.scene.DEFAULT_BASE_COLOR`."""
 RECORDED_OPTIONS = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
 """Fields of `PlacementOptions` that the record keeps; the camera stands for the others."""
 
@@ -56,6 +59,10 @@ class RenderedScan:
     """The camera of the user's, in the data's units; None: the usual one, which `viewpoint` describes."""
     unfamiliar: str = ""
     """Why it was drawn without the network; empty if it was not."""
+    passes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """What else the look asks for: `z2p_core.shading.passes`."""
+    pass_camera: PinholeCamera | None = None
+    """The camera of the passes, in the data's units; None without passes."""
 
 
 def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
@@ -81,6 +88,9 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
         picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
     else:
         picture = _render_from(selected, placed, values, look, colors)
+    passes, pinhole = {}, placed.pinhole
+    if look.passes:
+        pinhole, passes = _draw_passes(cloud, viewpoint, pinhole, colors, selected.settings(values), look)
     if look.tight:
         picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
     if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
@@ -88,7 +98,8 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
 
         picture = draw_onto(picture, coloring.scale, look.background)
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
-                        isinstance(renderer, AutoRenderer), coloring, placed.pinhole, placed.unfamiliar)  # fmt: skip
+                        isinstance(renderer, AutoRenderer), coloring, placed.pinhole, placed.unfamiliar,
+                        passes, pinhole)  # fmt: skip
 
 
 def _choose_colors(scan: Scan, viewpoint: Viewpoint, renderer: Renderer, look: Look) -> Coloring | None:
@@ -166,6 +177,26 @@ def _render_from(
     if factor > 1:
         image = bytes_from_unit(shrink(unit_from_bytes(image), factor))
     return fade_shadow(image)
+
+
+def _draw_passes(
+    cloud: np.ndarray, viewpoint: Viewpoint, pinhole: PinholeCamera | None, colors: PointColors | None,
+    values: dict[str, Value], look: Look,
+) -> tuple[PinholeCamera, dict[str, np.ndarray]]:  # fmt: skip
+    """The passes that the look asks for, and their camera; `pinhole` is the user's own, if any.
+
+    Raises:
+        SettingError: the picture is trimmed, so that its pixels are no longer the camera's.
+    """
+    from z2p_core.shading.passes import draw_passes  # late: few pictures have passes
+
+    if look.tight:
+        raise SettingError("passes show the whole frame of their camera; leave out --fit tight")
+    if pinhole is None:
+        elevation = values["elevation"][0] if "elevation" in values else viewpoint.elevation
+        pinhole = usual_pinhole(viewpoint, look.width, look.height, elevation)
+    color = linear_from_srgb(np.array(values.get("color", DEFAULT_BASE_SRGB), np.float32))
+    return pinhole, draw_passes(look.passes, cloud, viewpoint, pinhole, color if colors is None else colors)
 
 
 def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:

@@ -68,8 +68,8 @@ def check_visible(cloud: np.ndarray, camera: PlacedCamera) -> None:
         pixels, depth = camera.project(cloud.astype(np.float64))
     before = depth > camera.near_plane if not camera.orthographic else np.ones(len(cloud), bool)
     if not before.any():
-        raise ScanError("lies behind the camera as a whole; check that R and t go from the data to the camera, and that "
-                        "the camera's axes are OpenCV's (+Z forward)")
+        raise ScanError("lies behind the camera as a whole; check that R and t go from the data to the camera, and "
+                        "that the camera's axes are OpenCV's (+Z forward)")
     inside = before & (pixels >= 0).all(1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
     if not inside.any():
         column, row = np.median(pixels[before], axis=0)

@@ -97,8 +97,9 @@ def _cameras(
 
 def _lens(model: str, width: int, height: int, numbers: list[float]) -> Lens:
     if model in FISHEYE:
-        raise SettingError(f"expected pinhole cameras, got the model {model}; undistort the images first (colmap "
-                           "image_undistorter)")
+        raise SettingError(
+            f"expected pinhole cameras, got the model {model}; undistort the images first (colmap image_undistorter)"
+        )
     if model in ONE_FOCAL_LENGTH:
         focal, center, rest = (numbers[0], numbers[0]), (numbers[1], numbers[2]), numbers[3:]
     else:

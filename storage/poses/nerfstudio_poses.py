@@ -1,4 +1,4 @@
-"""Cameras of a nerfstudio transforms.json, or of instant-ngp's and Blender's synthetic scenes, which have the same keys.
+"""Cameras of a nerfstudio transforms.json, or of instant-ngp's and Blender's scenes, which have the same keys.
 
 https://docs.nerf.studio/quickstart/data_conventions.html: a transform_matrix goes from the camera to the world; camera
 axes are OpenGL's: +X right, +Y up, +Z back.
@@ -37,8 +37,9 @@ def parse_transforms(data: Mapping[str, Any]) -> tuple[list[PinholeCamera], str]
     """
     model = data.get("camera_model", "OPENCV")
     if model not in ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "perspective"):
-        raise SettingError(f"expected pinhole cameras, got the camera_model {describe_value(model)}; undistort the "
-                           "images first")
+        raise SettingError(
+            f"expected pinhole cameras, got the camera_model {describe_value(model)}; undistort the images first"
+        )
     cameras, is_distorted = [], False
     for number, frame in enumerate(data["frames"]):
         if not isinstance(frame, Mapping):

@@ -17,8 +17,10 @@ from z2p_renderer.storage.poses.nerfstudio_poses import is_transforms, parse_tra
 
 MAX_POSE_BYTES = 1 << 26
 """Larger files of poses are not read: this holds some 50,000 cameras."""
-EXPECTED = ("expected a camera as JSON (K, R, t, width, height), a list of them, a transforms.json of nerfstudio, or a "
-            "COLMAP model (its folder, or cameras.txt beside images.txt)")
+EXPECTED = (
+    "expected a camera as JSON (K, R, t, width, height), a list of them, a transforms.json of nerfstudio, or a "
+    "COLMAP model (its folder, or cameras.txt beside images.txt)"
+)
 LIST_KEY = "cameras"
 """Key under which a JSON object may hold a list of cameras."""
 

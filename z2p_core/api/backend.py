@@ -15,7 +15,7 @@ from z2p_core.coloring.options import ColorOptions
 from z2p_core.errors.install_advice import install_advice
 
 if TYPE_CHECKING:
-    from z2p_core.pinhole import AnyCamera
+    from z2p_core.pinhole import AnyCamera, PinholeCamera
     from z2p_core.placement.viewpoint import Viewpoint
 
 GROUP = "z2p.studio"
@@ -54,6 +54,8 @@ class RenderRequest:
     """What the points are colored by."""
     has_size: bool = False
     """Whether the caller chose the size."""
+    passes: tuple[str, ...] = ()
+    """What else is drawn: `z2p_core.pass_names.PASSES`."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,8 @@ class RenderedImage:
     """All that made it, JSON-able."""
     notes: tuple[str, ...] = ()
     """What was left out or guessed, in words."""
+    passes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """The passes that the request asks for."""
 
 
 class Backend(Protocol):
@@ -76,6 +80,14 @@ class Backend(Protocol):
 
     def render_file(self, path: Path, request: RenderRequest) -> list[RenderedImage]:
         """An image of each cloud in a file."""
+
+    def read_cameras(self, path: Path) -> list[PinholeCamera]:
+        """The cameras in the data's units of a file."""
+
+    def save_passes(
+        self, passes: Mapping[str, np.ndarray], camera: PinholeCamera, picture: Path, format: str
+    ) -> list[Path]:
+        """Write passes and their camera beside a picture; the paths of the files."""
 
     def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:
         """Write an image (H, W, 4) uint8 with its record, in the format of the path's suffix."""

@@ -38,6 +38,7 @@ from z2p_core.coloring.options import (
 )
 from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.pass_names import parse_passes
 from z2p_core.pinhole import AnyCamera
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SIDE_LIMITS
@@ -81,6 +82,7 @@ def render(
     color_bar: bool = False,
     classes: int | Sequence[int] | None = None,
     relight: float | None = None,
+    passes: str | Sequence[str] | None = None,
     **controls: ControlValue,
 ) -> Picture:
     """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
@@ -127,6 +129,8 @@ def render(
         classes: keep only the points with these labels, of `colors`, or of a field such as ``classification``.
         relight: how much of the studio's light falls on the points' colors: 1 (all) to 0 (they stay as they are, with
             the shadow on the floor). None: 1.
+        passes: what else is drawn into `picture.passes`: some of ``depth``, ``normal``, ``albedo``, ``alpha``,
+            ``position`` and ``trust``, or ``all``; see `z2p_core.pass_names`.
         **controls: the value of a control, by its name: text as on the command line, a number, or numbers. Every
             installed control has a keyword, those of other packages too; None stands for its default. Built in are
 
@@ -153,14 +157,14 @@ def render(
         color_options=ColorOptions(
             _field_name(colors), cmap, parse_limits(clim), parse_classes(classes), parse_relight(relight),
             _switch("color_bar", color_bar),
-        ), has_size=size is not None or resolution is not None,
+        ), has_size=size is not None or resolution is not None, passes=parse_passes(passes),
     )  # fmt: skip
     images, notes, is_batch = _render_images(points, colors, request)
     for note in dict.fromkeys([*notes, *(note for image in images for note in image.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)
     if not images:
         raise ScanError("expected clouds, got an empty batch")
-    pictures = tuple(Picture(image.array, image.record, image.notes) for image in images)
+    pictures = tuple(Picture(image.array, image.record, image.notes, passes=image.passes) for image in images)
     if not is_batch and len(pictures) == 1:
         return pictures[0]
     record = {**pictures[0].record, "batch": len(pictures)}

@@ -47,7 +47,7 @@ def unfamiliar_view(camera: PlacedCamera, floor: float) -> str:
 
 
 def roll_degrees(camera: PlacedCamera) -> float:
-    """Degrees by which the world's vertical leans in the picture, at the middle of the cloud; 0 if it stands upright."""
+    """Degrees by which the vertical leans in the picture, at the middle of the cloud; 0 if it stands upright."""
     in_camera = camera.rotation @ np.array([0.0, 0.0, 1.0])
     if not camera.orthographic:
         middle = -camera.rotation @ camera.position
