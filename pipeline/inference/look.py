@@ -46,6 +46,8 @@ class Look:
     """What the points are colored by."""
     passes: tuple[str, ...] = ()
     """What else is drawn of every picture: `z2p_core.pass_names.PASSES`."""
+    without_network: str = ""
+    """Why pictures are drawn without the network, whatever the view; empty if views decide it."""
     margin: float | None = None
     """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
     the visible part. None: the default of either."""

@@ -73,6 +73,8 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     """
     elevation, elevation_range = camera_elevation(renderer, look.values)
     placed = place_scan(scan, suffix, look.placement_options, elevation, elevation_range)
+    if look.without_network and placed.camera is not None:
+        placed = replace(placed, unfamiliar=look.without_network)
     selected, reason = select_renderer(renderer, placed.cloud)
 
     values = dict(look.values)
@@ -88,9 +90,9 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
         picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
     else:
         picture = _render_from(selected, placed, values, look, colors)
-    passes, pinhole = {}, placed.pinhole
+    passes, pass_camera = {}, None
     if look.passes:
-        pinhole, passes = _draw_passes(cloud, viewpoint, pinhole, colors, selected.settings(values), look)
+        pass_camera, passes = _draw_passes(cloud, viewpoint, placed.pinhole, colors, selected.settings(values), look)
     if look.tight:
         picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
     if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
@@ -99,7 +101,7 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
         picture = draw_onto(picture, coloring.scale, look.background)
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
                         isinstance(renderer, AutoRenderer), coloring, placed.pinhole, placed.unfamiliar,
-                        passes, pinhole)  # fmt: skip
+                        passes, pass_camera)  # fmt: skip
 
 
 def _choose_colors(scan: Scan, viewpoint: Viewpoint, renderer: Renderer, look: Look) -> Coloring | None:

@@ -156,7 +156,7 @@ class Renderer:
         rough = self._loaded.gbuffer.rough_picture(features)
         if rough is None:
             raise SettingError(f"the weights {self.weights['name']!r} do not know this camera, and their G-buffer "
-                               "makes no picture by itself; choose others with --weights, or a camera nearer to the usual")
+                               "makes no picture by itself; choose others with --weights, or another camera")
         return np.require(rough, np.float32, ["C", "W"])
 
     def inputs(

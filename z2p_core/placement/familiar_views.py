@@ -18,7 +18,7 @@ MIN_ELEVATION_DEGREES = -2.0
 MAX_ROLL_DEGREES = 12.0
 MAX_PIXEL_ASPECT = 1.03
 """Largest ratio of the two focal lengths at which pixels count as square."""
-MIN_FRAME_PIXELS = 96
+MIN_FRAME_PIXELS = 64
 """Side of the frame that the cloud would fill, in pixels, below which its details are too small."""
 FIXED_ELEVATION_TOLERANCE_DEGREES = 3.0
 

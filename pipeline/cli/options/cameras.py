@@ -49,8 +49,12 @@ def camera_options(command: Command) -> Command:
     return command
 
 
-def read_own_cameras(ctx: click.Context, options: dict[str, Any]) -> list[AnyCamera] | None:
+def read_own_cameras(
+    ctx: click.Context, options: dict[str, Any], always_sized: bool = False
+) -> list[AnyCamera] | None:
     """The cameras in the data's units that the options stand for, in their pictures' sizes; None for the usual one.
+
+    Cameras of files keep their own sizes unless a resolution is given, or they are `always_sized` by it.
 
     Raises:
         click.UsageError: options contradict each other.
@@ -61,7 +65,7 @@ def read_own_cameras(ctx: click.Context, options: dict[str, Any]) -> list[AnyCam
     if given and options["load_camera"] is not None:
         other = given[0].replace("_", "-")
         raise click.UsageError(f"--load-camera and --{other} both choose the camera; leave one out", ctx)
-    has_size = ctx.get_parameter_source("resolution") is not click.core.ParameterSource.DEFAULT
+    has_size = always_sized or ctx.get_parameter_source("resolution") is not click.core.ParameterSource.DEFAULT
     if options["load_camera"] is not None:
         return _read_cameras(options["load_camera"], options["resolution"] if has_size else None, options["quiet"])
     if not given:
