@@ -7,6 +7,7 @@ and positions are in the data's units and coordinates. Where less than half of a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -47,7 +48,8 @@ def draw_passes(
     """
     placed = place_camera(camera, viewpoint)
     depth_range = _depth_range(cloud, placed)
-    image = _rasterize(cloud, placed, depth_range, color)
+    surfels = _make_surfels(cloud, placed, color)
+    image = surfels.rasterize(np.column_stack([surfels.normals, surfels.albedo]), placed, depth_range)
     coverage, density, nearness = image[: GBufferChannel.DEPTH + 1]
     seen = coverage >= MIN_ALPHA
     near, far = depth_range
@@ -61,8 +63,11 @@ def draw_passes(
         "albedo": lambda: np.clip(image[6:9, seen].T, 0, 1),
         "position": lambda: positions,
     }
-    whole = {"alpha": coverage.copy(), "trust": np.minimum(density, 1) * (coverage > 0)}
-    return {name: whole[name] if name in whole else _spread(values[name](), seen) for name in names}
+    whole = {
+        "alpha": coverage.copy,
+        "trust": lambda: density * surfels.rasterize(surfels.support, placed, depth_range)[RASTERIZED.start + 3],
+    }
+    return {name: whole[name]() if name in whole else _spread(values[name](), seen) for name in names}
 
 
 def _spread(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -79,12 +84,31 @@ def _depth_range(cloud: np.ndarray, camera: PlacedCamera) -> tuple[float, float]
     return low - 0.5, high + 0.5
 
 
-def _rasterize(
-    cloud: np.ndarray, camera: PlacedCamera, depth_range: tuple[float, float], color: np.ndarray | PointColors
-) -> np.ndarray:
-    """Coverage, density, nearness, normals in world axes and albedo: (9, H, W) float32."""
+@dataclass(frozen=True)
+class _Surfels:
+    """The cloud's M surfels: discs in the camera's axes, and their values."""
+
+    discs: native.Discs
+    normals: np.ndarray
+    """(M, 3) in world axes, towards the camera."""
+    albedo: np.ndarray
+    """(M, 3), linear."""
+    support: np.ndarray
+    """(M, 1): the median spacing over that of the surfel's point, at most 1; 0 where it closes a hole."""
+
+    def rasterize(self, values: np.ndarray, camera: PlacedCamera, depth_range: tuple[float, float]) -> np.ndarray:
+        """Coverage, density, nearness and up to six values (M, 6) of the surfels: (9, H, W) float32."""
+        features = np.zeros((len(values), 6), np.float32)
+        features[:, : values.shape[1]] = values
+        image = np.empty((RASTERIZED.stop, camera.height, camera.width), np.float32)
+        native.rasterize_surfels(self.discs, features, camera, BLENDING, depth_range, image)
+        return image
+
+
+def _make_surfels(cloud: np.ndarray, camera: PlacedCamera, color: np.ndarray | PointColors) -> _Surfels:
+    """The surfels of a cloud (N, 3) that the camera sees."""
     surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS))
-    spacing = max(float(np.median(surface.spacing)), MIN_SPACING)
+    count, spacing = len(surface.points), max(float(np.median(surface.spacing)), MIN_SPACING)
     surfels, radii = make_surfels(surface, spacing)
     viewer = camera.position.astype(np.float32)
     away = row_dots(surfels.points - viewer, surfels.normals) > 0
@@ -92,13 +116,12 @@ def _rasterize(
     centers = native.offset_disc_centers(surfels.points, normals, radii, surfels.neighbors)
     rotation = camera.rotation.astype(np.float32)
     in_camera, facing = rotate_points(centers - viewer, rotation), rotate_points(normals, rotation)
-    planes = native.disc_clip_planes(in_camera, facing, radii, surfels.neighbors)
+    discs = native.Discs(in_camera, facing, radii, native.disc_clip_planes(in_camera, facing, radii, surfels.neighbors))
     if isinstance(color, PointColors):
         own = surface_albedo(surface, color)
-        albedo = np.concatenate([own, own[surfels.neighbors[len(own) :, :RIM_POINTS]].mean(axis=1)])
+        albedo = np.concatenate([own, own[surfels.neighbors[count:, :RIM_POINTS]].mean(axis=1)])
     else:
         albedo = np.broadcast_to(np.asarray(color, np.float32), (len(radii), 3))
-    image = np.empty((RASTERIZED.stop, camera.height, camera.width), np.float32)
-    discs = native.Discs(in_camera, facing, radii, planes)
-    native.rasterize_surfels(discs, np.column_stack([normals, albedo]), camera, BLENDING, depth_range, image)
-    return image
+    support = np.zeros((len(radii), 1), np.float32)
+    support[:count, 0] = np.minimum(spacing / np.maximum(surface.spacing, 1e-9), 1)
+    return _Surfels(discs, normals, albedo, support)
