@@ -17,9 +17,8 @@ normal   (H, W, 3)   unit normal in the data's axes, towards the camera
 albedo   (H, W, 3)   base color, linear, in [0, 1]
 alpha    (H, W)      share of the pixel that the surface covers; the floor and its shadow do not count
 position (H, W, 3)   the data's coordinates of the surface at the middle of the pixel
-trust    (H, W)      how well points support the surface: 1 within one as densely sampled as the cloud is on the median,
-                     less in the same measure where points lie farther apart, about a third at a border, and 0 where a
-                     hole was closed
+trust    (H, W)      how well points support the surface: 1 within one sampled as densely as the cloud is on the median;
+                     half where points lie twice as far apart; about a third at a border; 0 where a hole was closed
 ======== =========== ===================================================================================================
 """
 

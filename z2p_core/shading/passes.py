@@ -25,6 +25,8 @@ from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 
 BLENDING = native.Blending(blend_depth_radii=0.7, coverage_gain=15.0, full_weight=2.7)
 """As the rough rendering blends discs."""
+FIRST_VALUE = GBufferChannel.DEPTH + 1
+"""Channel of the first of a surfel's own values."""
 MIN_SPACING = 1e-3
 """Smallest spacing of a cloud that counts, in world units."""
 MIN_ALPHA = 0.5
@@ -52,6 +54,8 @@ def draw_passes(
     image = surfels.rasterize(np.column_stack([surfels.normals, surfels.albedo]), placed, depth_range)
     coverage, density, nearness = image[: GBufferChannel.DEPTH + 1]
     seen = coverage >= MIN_ALPHA
+    typical = float(np.median(density[seen])) if seen.any() else 1.0
+    closed = np.minimum(density / max(typical, 1e-6), 1)
     near, far = depth_range
     row, column = np.nonzero(seen)
     world = placed.unproject(np.column_stack([column + 0.5, row + 0.5]), far - (far - near) * nearness[seen])
@@ -65,7 +69,7 @@ def draw_passes(
     }
     whole = {
         "alpha": coverage.copy,
-        "trust": lambda: density * surfels.rasterize(surfels.support, placed, depth_range)[RASTERIZED.start + 3],
+        "trust": lambda: closed * np.minimum(surfels.rasterize(surfels.support, placed, depth_range)[FIRST_VALUE], 1),
     }
     return {name: whole[name]() if name in whole else _spread(values[name](), seen) for name in names}
 

@@ -45,7 +45,7 @@ def drawn(request: pytest.FixtureRequest) -> tuple[PinholeCamera, dict[str, np.n
 
 
 def front_of_sphere(camera: PinholeCamera) -> tuple[np.ndarray, np.ndarray]:
-    """Depth (H, W) at which the ray through the middle of each pixel meets the true sphere; and which do, well inside."""
+    """Depths (H, W) at which the rays through pixels meet the true sphere, and which do so well within its outline."""
     row, column = np.mgrid[: camera.height, : camera.width] + 0.5
     near, far = (
         camera.unproject(np.column_stack([column.ravel(), row.ravel()]), np.full(row.size, depth)) - CENTRE
@@ -127,8 +127,8 @@ def test_sparse_places_are_trusted_less() -> None:
     thinned = points[(points[:, 0] > CENTRE[0]) | (np.arange(len(points)) % 12 == 0)]
     drawn = draw_passes(["trust", "position"], VIEWPOINT.place(thinned), VIEWPOINT, CAMERAS["above"], GREY)
     right = drawn["position"][..., 0] > CENTRE[0] + 4
-    assert drawn["trust"][right].mean() > 0.9
-    assert drawn["trust"][drawn["position"][..., 0] < CENTRE[0] - 4].mean() < drawn["trust"][right].mean() - 0.1
+    assert drawn["trust"][right].mean() > 0.8
+    assert drawn["trust"][drawn["position"][..., 0] < CENTRE[0] - 4].mean() < drawn["trust"][right].mean() - 0.3
 
 
 def test_names_of_passes() -> None:
