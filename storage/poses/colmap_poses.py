@@ -25,6 +25,8 @@ MODELS = (
 ONE_FOCAL_LENGTH = frozenset({"SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"})
 FISHEYE = frozenset({"OPENCV_FISHEYE", "FOV", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"})
 """Models whose picture is no pinhole camera's even without distortion."""
+SUB_FOLDERS = (".", "0", "sparse", "sparse/0")
+"""Where COLMAP puts a model below a folder."""
 MAX_NAME_BYTES = 4096
 FEATURE_BYTES = 24
 MAX_FILE_BYTES = 1 << 30
@@ -44,8 +46,15 @@ class Lens:
 def is_colmap_model(path: Path) -> bool:
     """Whether a path is a model's folder, or one of its files cameras and images."""
     if path.is_dir():
-        return any((path / f"cameras{suffix}").is_file() for suffix in (".txt", ".bin"))
+        return _model_folder(path) is not None
     return path.stem.lower() in ("cameras", "images") and path.suffix.lower() in (".txt", ".bin")
+
+
+def _model_folder(folder: Path) -> Path | None:
+    """The folder of the model in a folder: itself, or the first model of a reconstruction; None without one."""
+    candidates = [folder / name for name in SUB_FOLDERS]
+    found = [one for one in candidates if any((one / f"cameras{suffix}").is_file() for suffix in (".txt", ".bin"))]
+    return found[0] if found else None
 
 
 def read_colmap_poses(path: Path) -> tuple[list[PinholeCamera], str]:
@@ -55,7 +64,7 @@ def read_colmap_poses(path: Path) -> tuple[list[PinholeCamera], str]:
         SettingError: a file is missing, damaged or too large, or a camera is no pinhole camera.
         OSError: a file cannot be read.
     """
-    folder = path if path.is_dir() else path.parent
+    folder = (_model_folder(path) or path) if path.is_dir() else path.parent
     suffixes = (path.suffix,) if path.suffix in (".txt", ".bin") and not path.is_dir() else (".bin", ".txt")
     for suffix in suffixes:
         cameras, images = folder / f"cameras{suffix}", folder / f"images{suffix}"

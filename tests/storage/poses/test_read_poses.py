@@ -57,6 +57,12 @@ def test_colmap_models_are_read(tmp_path: Path, write: Any) -> None:
     np.testing.assert_allclose(pixels, [[320.5 + 500 / 5, 239.5 + 510 * 2 / 5]])
 
 
+def test_the_folder_of_a_reconstruction_stands_for_its_first_model(tmp_path: Path) -> None:
+    (tmp_path / "sparse").mkdir()
+    colmap_binary(tmp_path / "sparse" / "0")
+    assert len(read_poses(tmp_path)[0]) == len(read_poses(tmp_path / "sparse")[0]) == 2
+
+
 def test_a_file_of_a_model_stands_for_it(tmp_path: Path) -> None:
     folder = colmap_text(tmp_path / "sparse")
     assert len(read_poses(folder / "images.txt")[0]) == len(read_poses(folder / "cameras.txt")[0]) == 2
