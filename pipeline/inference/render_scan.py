@@ -90,7 +90,8 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
         picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
     else:
         picture = _render_from(selected, placed, values, look, colors)
-    passes, pass_camera = {}, None
+    passes: dict[str, np.ndarray] = {}
+    pass_camera = None
     if look.passes:
         pass_camera, passes = _draw_passes(cloud, viewpoint, placed.pinhole, colors, selected.settings(values), look)
     if look.tight:
