@@ -72,7 +72,7 @@ def seen_from(distance: float, elevation: float, roll: float = 0.0, zoom: float 
     ("camera", "reason"),
     [
         (seen_from(3.6, 20), ""), (seen_from(3.6, 20, zoom=3), ""), (seen_from(8, 60), ""), (seen_from(3.6, 20, 5), ""),
-        (seen_from(3.6, -20), "below the floor"), (seen_from(0.5, 10), "inside"), (seen_from(1.6, 30), "perspective"),
+        (seen_from(3.6, -20), "below the floor"), (seen_from(0.5, 10), "inside"), (seen_from(1.2, 30), "perspective"),
         (seen_from(3.6, 88), "steeply"), (seen_from(3.6, 20, 40), "rolled by"), (seen_from(40, 20), "tiny"),
     ],
 )  # fmt: skip
