@@ -13,7 +13,7 @@ from z2p_core.placement.placed_camera import FRAME_PER_FOCAL, PlacedCamera
 
 MIN_DISTANCE_RADII = 1.3
 """Distance from the camera to the middle of the cloud, in the cloud's radius, below which perspective is too strong.
-From there to parallel rays the network is 4 dB better than the rough rendering against Cycles, as for the usual view."""
+From there to parallel rays the network is 4 dB better than the rough rendering, as for the usual view."""
 MAX_ELEVATION_DEGREES = 82.0
 MIN_ELEVATION_DEGREES = -2.0
 MAX_ROLL_DEGREES = 12.0

@@ -52,7 +52,8 @@ def test_the_camera_stands_in_front_so_that_the_light_stays_at_its_side() -> Non
 @pytest.mark.parametrize(
     ("eye", "target", "reason"),
     [((6, -4, 3), (0, 0, 0), ""), ((6, -4, -6), (0, 0, 0), "below the floor"), ((0.1, 0.1, 0), (1, 0, 0), "inside"),
-     ((0, 0, 9), (0, 0, 0), "steeply"), ((1.7, -1.5, 0.9), (0, 0, 0), "perspective"), ((200, -50, 80), (0, 0, 0), "tiny")],
+     ((0, 0, 9), (0, 0, 0), "steeply"), ((1.7, -1.5, 0.9), (0, 0, 0), "perspective"),
+     ((200, -50, 80), (0, 0, 0), "tiny")],
 )  # fmt: skip
 def test_views_that_weights_do_not_know_are_drawn_without_them(
     eye: tuple[float, float, float], target: tuple[float, float, float], reason: str
