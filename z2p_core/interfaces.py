@@ -272,6 +272,13 @@ class GBuffer(ABC):
         Where the features are as accurate as the network, and err independently, a mean of both is more accurate.
         """
 
+    def rough_picture(self, features: np.ndarray) -> np.ndarray | None:
+        """The picture (4, H, W) float32, premultiplied sRGB and alpha, that the features alone make; None without one.
+
+        It is shown for cameras that the network was not trained for. `features` (channels, H, W) are what `draw` gave.
+        """
+        return None
+
     def elsewhere(self, features: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray] | None:
         """The picture outside the cloud, so that the network runs only on a crop around it; None if it cannot be told.
 

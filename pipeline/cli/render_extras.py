@@ -122,9 +122,18 @@ def _write_gallery(pictures: list[Path], folder: Path) -> list[Path]:
 
 
 def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> list[Path]:
+    from z2p_core.pinhole import PinholeCamera
     from z2p_core.placement.margin import with_margin
-    from z2p_renderer.storage.cameras import read_camera, write_camera
+    from z2p_renderer.storage.cameras import read_any_camera, read_camera, write_camera
+    from z2p_renderer.storage.poses.read_poses import write_poses
 
+    pinholes = [pinhole for outcome in done for pinhole in outcome.pinholes]
+    if look.placement_options.camera is not None and not pinholes:  # skipped: their pictures know them
+        kept = [read_any_camera(path) for outcome in done if outcome.status == "skipped" for path in outcome.outputs]
+        pinholes = [camera for camera in kept if isinstance(camera, PinholeCamera)]
+    if pinholes:
+        write_poses(pinholes, options["save_camera"])
+        return [options["save_camera"]]
     viewpoints = [viewpoint for outcome in done for viewpoint in outcome.viewpoints]
     if options["same_frame"] and look.placement_options.viewpoint is not None:
         viewpoints = [with_margin(look.placement_options.viewpoint, look.frame_margin)]

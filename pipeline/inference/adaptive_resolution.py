@@ -11,6 +11,7 @@ import numpy as np
 
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.parallel import parallel_rows
+from z2p_core.placement.placed_camera import FRAME_PER_FOCAL, PlacedCamera
 from z2p_core.surface.noise_level import median_spacing
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS
 
@@ -37,6 +38,14 @@ def render_size(cloud: np.ndarray, width: int, height: int) -> tuple[int, int]:
     suitable = [f for f in REDUCTION_FACTORS if spacing >= MIN_PIXELS_PER_SPACING * f and max_factor >= f]
     factor = max(suitable, default=1)
     return round(width / factor), round(height / factor)
+
+
+def placed_render_size(cloud: np.ndarray, camera: PlacedCamera) -> tuple[int, int]:
+    """Width and height at which the network renders a cloud (N, 3) as any camera sees it; see `render_size`."""
+    frame = round(FRAME_PER_FOCAL * camera.pixels_per_unit)
+    factor = max(1.0, frame / max(render_size(cloud, frame, frame)[0], 1))
+    factor = min(factor, max(1.0, min(camera.width, camera.height) / MIN_SHORTER_SIDE))
+    return round(camera.width / factor), round(camera.height / factor)
 
 
 def upsampled(picture: np.ndarray, width: int, height: int) -> np.ndarray:

@@ -23,6 +23,7 @@ from z2p_core.coloring.options import AUTO as AUTO_COLORS
 from z2p_core.coloring.options import NONE as NO_COLORS
 from z2p_core.formats.field_names import field_key
 from z2p_core.interfaces import RawCloud, ScanError, SettingError, Value
+from z2p_core.pinhole import AnyCamera, LookAt, PinholeCamera, camera_from_json
 from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_core.up_axis.axis_names import UP_ROTATIONS, parse_up_axis
@@ -33,9 +34,11 @@ from z2p_renderer.pipeline.inference.render_scan import RenderedScan, build_reco
 from z2p_renderer.pipeline.inference.scan_source import describe_source, path_relative_to
 from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, load_renderer
 from z2p_renderer.pipeline.placement.hints import options_as_keywords
-from z2p_renderer.storage.cameras import read_camera
+from z2p_renderer.storage.cameras import read_any_camera
 from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, encode_picture, write_picture
+from z2p_renderer.storage.images.pass_files import check_pass_format, write_passes
 from z2p_renderer.storage.models.checkpoints import find_weights
+from z2p_renderer.storage.poses.read_poses import is_pinhole_json, read_poses
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, scan_from_raw
 
 NAMED_VIEWS = ("auto", "front", "sensor")
@@ -77,6 +80,25 @@ class RenderBackend:
             source["path"] = path.absolute().as_posix()
         sources = [{**source, "cloud": index} for index in range(len(scans))]
         return _render_all(scans, sources, format_suffix(path), request)
+
+    def read_cameras(self, path: Path) -> list[PinholeCamera]:
+        """The cameras in the data's units of a file.
+
+        Raises:
+            SettingError: the file is missing, or holds none.
+        """
+        return read_poses(path)[0]
+
+    def save_passes(
+        self, passes: Mapping[str, np.ndarray], camera: PinholeCamera, picture: Path, format: str
+    ) -> list[Path]:
+        """Write passes and their camera beside a picture; the paths of the files.
+
+        Raises:
+            SettingError: there is no such format, or its library is not installed.
+        """
+        check_pass_format(format)
+        return write_passes(passes, camera, picture, format)
 
     def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:
         """Write an image (H, W, 4) uint8 with its record, in the format of the path's suffix."""
@@ -143,7 +165,9 @@ def _render_all(
             rendered = _render_labeled(renderer, scan, suffix, own_look)
             array = rendered.picture if look.background is None else opaque_over(rendered.picture, look.background)
             record = build_record(rendered, own_look, source)
-            images.append(RenderedImage(array, record, (*_notes(scan, rendered, look), *filter(None, [note]))))
+            images.append(
+                RenderedImage(array, record, (*_notes(scan, rendered, look), *filter(None, [note])), rendered.passes)
+            )
     return images
 
 
@@ -214,12 +238,12 @@ def _look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
     up = parse_up_axis(request.up)
     if up is None:
         raise SettingError(f"expected up auto, {', '.join(UP_ROTATIONS)}, got {request.up!r}")
-    view, camera = _view(request.view), _camera(request.camera)
+    view, (camera, own_camera) = _view(request.view), _camera(request)
     if isinstance(view, tuple) and camera is None:
         other = request.controls.get("elevation")
         if other not in (None, view[1], (view[1],)):
             raise SettingError(f"view {view} and elevation {other} both choose the elevation; leave one out")
-    if camera is not None and request.margin is not None and not request.tight:
+    if (camera or own_camera) is not None and request.margin is not None and not request.tight:
         raise SettingError("camera and margin both choose how large the object is; leave one out")
     try:
         return build_look(
@@ -227,18 +251,29 @@ def _look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
             keep_outliers=request.keep_outliers, cut_top=request.cut_top, smooth=request.smooth, size=request.size,
             background=request.background, supersample=request.supersample, tight=request.tight,
             margin=parse_margin(request.margin), color_options=request.color_options, style=request.style,
+            own_camera=own_camera,
+            passes=request.passes,
         )  # fmt: skip
     except SettingError as error:  # it names the command line's option; Python's keyword has no dashes
         raise SettingError(str(error).removeprefix("--")) from None
 
 
-def _camera(camera: Any) -> Viewpoint | None:
-    """The camera that is asked for, checked: a viewpoint, its JSON, or a file of it."""
+def _camera(request: RenderRequest) -> tuple[Viewpoint | None, AnyCamera | None]:
+    """The camera that is asked for, checked: a viewpoint or a camera in the data's units, its JSON, or a file of it."""
+    camera = request.camera
     if camera is None:
-        return None
+        return None, None
     if isinstance(camera, str | Path):
-        return read_camera(Path(camera))
-    return viewpoint_from_json(camera.to_json() if isinstance(camera, Viewpoint) else camera)
+        camera = read_any_camera(Path(camera))
+    if isinstance(camera, LookAt):
+        has_size = request.has_size or camera.pixels_per_unit is None
+        return None, replace(camera, size=request.size) if has_size and camera.size is None else camera
+    if is_pinhole_json(camera):
+        camera = camera_from_json(camera)
+    if isinstance(camera, PinholeCamera):
+        camera = camera_from_json(camera.to_json())
+        return None, camera.fitted(*request.size) if request.has_size else camera
+    return viewpoint_from_json(camera.to_json() if isinstance(camera, Viewpoint) else camera), None
 
 
 def _view(view: Any) -> str | float | tuple[float, float]:
@@ -293,6 +328,8 @@ def _notes(scan: Scan, rendered: RenderedScan, look: Look) -> Iterator[str]:
         yield placement.rounding_message
     if placement.outside_count:
         yield f"{placement.outside_count} points lie beyond the camera's frame"
+    if rendered.unfamiliar:
+        yield f"drawn without the network, which does not know this camera: {rendered.unfamiliar}"
     if placement.hint:
         yield options_as_keywords(placement.hint)
 

@@ -48,6 +48,8 @@ def draw_opening(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> 
         ScanError: the cloud has no extent, or has no sensor and the look asks for the sensor's view.
     """
     sketch = replace(look.untrimmed, width=64, height=64, supersample=1)
+    if look.placement_options.camera is not None:
+        sketch = replace(sketch, width=look.width, height=look.height, passes=())
     return render_scan(renderer, scan, suffix, sketch)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
 import re
 import shutil
@@ -85,10 +86,27 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     for number in range(2):
         PointCloud.from_xyz_points((cloud + number / 2).astype("f4")).save(tmp_path / "frames" / f"{number}.pcd")
+    write_cameras(tmp_path)
     weights = ROOT / "storage" / "weights" / "regular.safetensors"
     shutil.copy(weights, tmp_path / "runs" / "NAME" / "weights.safetensors")
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+def write_cameras(folder: Path) -> None:
+    """A transforms.json and a COLMAP model of two cameras before bunny.ply."""
+    pose = np.eye(4)
+    frames = []
+    for name, x in (("left.jpg", -0.5), ("right.jpg", 0.5)):
+        pose[:3, 3] = (x, 0.3, 4)
+        frames.append({"file_path": name, "transform_matrix": pose.tolist()})
+    lens = {"w": 400, "h": 300, "fl_x": 400, "fl_y": 400, "cx": 200, "cy": 150}
+    (folder / "transforms.json").write_text(json.dumps({**lens, "frames": frames}))
+    (folder / "sparse").mkdir()
+    (folder / "sparse" / "cameras.txt").write_text("1 PINHOLE 400 300 400 400 200 150\n")
+    (folder / "sparse" / "images.txt").write_text(
+        "1 0 1 0 0 0.5 0.3 4 1 left.jpg\n\n2 0 1 0 0 -0.5 0.3 4 1 right.jpg\n\n"
+    )
 
 
 def test_pages_contain_commands() -> None:
@@ -194,6 +212,13 @@ def test_the_python_page_runs(desk: Path) -> None:
         for block in blocks(ROOT / "docs" / "python.md", "python"):
             exec(block, names)
     assert (desk / "points.png").stat().st_size > 1000 and (desk / "sheet.png").exists()
+
+
+def test_the_python_of_the_page_on_cameras_runs(desk: Path) -> None:
+    names: dict[str, object] = {}
+    for block in blocks(ROOT / "docs" / "cameras.md", "python"):
+        exec(block, names)
+    assert (desk / "posed_depth.npy").is_file() and (desk / "posed_camera.json").is_file()
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "ARCHITECTURE.md"], ids=stem)

@@ -16,6 +16,7 @@ from z2p_core.errors.install_advice import install_advice
 from z2p_core.style import Style
 
 if TYPE_CHECKING:
+    from z2p_core.pinhole import AnyCamera, PinholeCamera
     from z2p_core.placement.viewpoint import Viewpoint
 
 GROUP = "z2p.studio"
@@ -29,7 +30,7 @@ class RenderRequest:
     up: str = "+Z"
     view: str | float | tuple[float, float] = "auto"
     azimuth: float = 0.0
-    camera: Viewpoint | Mapping[str, Any] | str | Path | None = None
+    camera: Viewpoint | AnyCamera | Mapping[str, Any] | str | Path | None = None
     controls: Mapping[str, Any] = field(default_factory=dict)
     """Control name -> text, number or numbers; None counts as not given."""
     size: tuple[int, int] = (512, 512)
@@ -54,6 +55,10 @@ class RenderRequest:
     """What the points are colored by."""
     style: Style = field(default_factory=Style)
     """How they are shown."""
+    has_size: bool = False
+    """Whether the caller chose the size."""
+    passes: tuple[str, ...] = ()
+    """What else is drawn: `z2p_core.pass_names.PASSES`."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,8 @@ class RenderedImage:
     """All that made it, JSON-able."""
     notes: tuple[str, ...] = ()
     """What was left out or guessed, in words."""
+    passes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """The passes that the request asks for."""
 
 
 class Backend(Protocol):
@@ -76,6 +83,14 @@ class Backend(Protocol):
 
     def render_file(self, path: Path, request: RenderRequest) -> list[RenderedImage]:
         """An image of each cloud in a file."""
+
+    def read_cameras(self, path: Path) -> list[PinholeCamera]:
+        """The cameras in the data's units of a file."""
+
+    def save_passes(
+        self, passes: Mapping[str, np.ndarray], camera: PinholeCamera, picture: Path, format: str
+    ) -> list[Path]:
+        """Write passes and their camera beside a picture; the paths of the files."""
 
     def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:
         """Write an image (H, W, 4) uint8 with its record, in the format of the path's suffix."""

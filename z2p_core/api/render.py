@@ -38,6 +38,8 @@ from z2p_core.coloring.options import (
 )
 from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.pass_names import parse_passes
+from z2p_core.pinhole import AnyCamera
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SIDE_LIMITS
 from z2p_core.style import GIVEN_RADII, Style, parse_style
@@ -65,7 +67,7 @@ def render(
     up: str | None = None,
     view: str | float | tuple[float, float] = "auto",
     azimuth: float = 0.0,
-    camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None,
+    camera: Viewpoint | AnyCamera | Picture | Mapping[str, Any] | str | Path | None = None,
     size: int | tuple[int, int] | None = None,
     resolution: int | tuple[int, int] | None = None,
     background: str | Sequence[float] | None = None,
@@ -83,6 +85,7 @@ def render(
     relight: float | None = None,
     style: str = "surface",
     radius: Any = None,
+    passes: str | Sequence[str] | None = None,
     **controls: ControlValue,
 ) -> Picture:
     """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
@@ -107,7 +110,9 @@ def render(
             azimuth, or (azimuth, elevation).
         azimuth: degrees that the object is turned by on top of that.
         camera: another picture or its `picture.camera`, or a file that --save-camera wrote; the object keeps its true
-            size and place before it. Replaces `up` and `view`.
+            size and place before it. Replaces `up` and `view`. Or a camera in the data's units: `pinhole_camera(K, R,
+            t, size)`, `look_at(eye, target)`, a mapping or JSON file with K, R, t, width and height; its picture fits
+            into `size` where one is given.
         size, resolution: the picture's size in pixels, one number or (width, height), 32 to 4096; two names for the
             same argument. None: 512.
         background: None for transparent, or a CSS name, ``#hex`` or sRGB triple in [0, 1].
@@ -132,6 +137,8 @@ def render(
         radius: of balls, in the data's units: a number, one for each point (N,), (B, N) or a list of (N,), or the name
             of a field of the object or file; or a share of the object's bounding sphere, as in ``"2%"``. None: half
             the points' spacing.
+        passes: what else is drawn into `picture.passes`: some of ``depth``, ``normal``, ``albedo``, ``alpha``,
+            ``position`` and ``trust``, or ``all``; see `z2p_core.pass_names`.
         **controls: the value of a control, by its name: text as on the command line, a number, or numbers. Every
             installed control has a keyword, those of other packages too; None stands for its default. Built in are
 
@@ -158,7 +165,7 @@ def render(
         color_options=ColorOptions(
             _field_name(colors), cmap, parse_limits(clim), parse_classes(classes), parse_relight(relight),
             _switch("color_bar", color_bar),
-        ),
+        ), has_size=size is not None or resolution is not None, passes=parse_passes(passes),
         style=_style(style, radius),
     )
     options = replace(request.color_options, other_fields=request.style.wanted_fields)
@@ -168,7 +175,7 @@ def render(
         warnings.warn(note, RenderWarning, stacklevel=2)
     if not images:
         raise ScanError("expected clouds, got an empty batch")
-    pictures = tuple(Picture(image.array, image.record, image.notes) for image in images)
+    pictures = tuple(Picture(image.array, image.record, image.notes, passes=image.passes) for image in images)
     if not is_batch and len(pictures) == 1:
         return pictures[0]
     record = {**pictures[0].record, "batch": len(pictures)}

@@ -13,6 +13,7 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import ExitStatus, is_debugging
+from z2p_renderer.pipeline.cli.options.cameras import camera_options, for_each_camera, read_own_cameras
 from z2p_renderer.pipeline.cli.options.coloring import color_options, color_options_from, describe_scale
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
@@ -49,6 +50,7 @@ FORMAT_ALIASES = {"jpg": "jpeg", "tif": "tiff"}
 @click.option("--format", "format_", default="png", type=FileFormat(list(SUFFIX_OF_FORMAT), FORMAT_ALIASES),
               help="Format of the pictures in a folder.")
 @picture_options
+@camera_options
 @color_options
 @click.option("--legend", type=OutputPath(file=True), metavar="FILE",
               help="Write the colour bar, or the classes' legend, to a file of its own: .svg, .pdf or .png.")
@@ -96,6 +98,7 @@ def _run(
     columns = parse_columns(options)
     if options["palette_name"] and "color" in controls:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
+    options["own_cameras"] = read_own_cameras(ctx, options)
     check_view_options(ctx, controls, options)
     colors = color_options_from(ctx, controls, options)
     scans = find_input_scans(ctx, inputs, options, columns is not None)
@@ -103,19 +106,27 @@ def _run(
     from z2p_renderer.pipeline.batch.render_files import render_files
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
 
-    jobs = min(options["jobs"] or core_count(), len(scans))
+    jobs = min(options["jobs"] or core_count(), len(scans) * len(options["own_cameras"] or [None]))
     threads = None if jobs == 1 else max(1, core_count() // jobs)
     renderer = load_renderer(options["weights"], controls, threads, options["engine"])
     look = look_from_options(renderer, controls, options, colors)
-    tasks = _plan(ctx, scans, inputs, output, options)
+    tasks = for_each_camera(ctx, _plan(ctx, scans, inputs, output, options), options["own_cameras"])
     check_extras(ctx, tasks, output, options)
+    if options["passes"]:
+        from z2p_renderer.storage.images.pass_files import check_pass_format
+
+        check_pass_format(options["passes_format"])
+    if options["same_frame"] and options["own_cameras"]:
+        raise click.UsageError("--same-frame and a camera both choose the frame; leave one out", ctx)
     if options["same_frame"]:
         renderer, look = _share_frame(scans, renderer, look, columns, options["quiet"])
-    elif options["save_camera"] is not None and len(scans) > 1:
+    elif options["save_camera"] is not None and len(scans) > 1 and not options["own_cameras"]:
         raise click.UsageError(f"--save-camera: {len(scans)} scans have a camera each; add --same-frame", ctx)
     look, scale = _share_scale(scans, renderer, look, columns, options)
     bar = open_progress(len(tasks), options["quiet"])
-    outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs, columns, bar.count_picture)
+    outcomes = render_files(
+        tasks, renderer, look, options["overwrite"], jobs, columns, bar.count_picture, options["passes_format"]
+    )
     counts, done = _report(outcomes, bar, renderer, look, options)
     failed_extras = write_extras(done, output, look, scale, options)
     if not options["quiet"]:

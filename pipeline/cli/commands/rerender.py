@@ -28,6 +28,7 @@ from z2p_renderer.pipeline.cli.progress import note_if_opaque
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
     import numpy as np
 
+    from z2p_core.pinhole import PinholeCamera
     from z2p_core.placement.viewpoint import Viewpoint
     from z2p_core.style import Style
     from z2p_renderer.pipeline.inference.look import Crop, Look
@@ -212,11 +213,15 @@ def _build_changed_look(
     if options["load_camera"] is not None:
         recorded_controls.pop("elevation", None)  # the loaded camera has its own
     placing = record["placing"]
+    own_camera = _own_camera(record, options)
+    camera = _changed_camera(record, controls, options) if own_camera is None else None
+    if own_camera is not None and "elevation" not in controls:
+        recorded_controls.pop("elevation", None)  # it follows from the camera
     changed = {key: record[key] if options[key] is None else options[key]
                for key in ("resolution", "background", "supersample", "fit")}  # fmt: skip
     return build_look(
         renderer, {**recorded_controls, **controls}, up=placing["up"], view=placing["view"], azimuth=options["azimuth"],
-        camera=_changed_camera(record, controls, options), keep_outliers=placing["keep_outliers"],
+        camera=camera, own_camera=own_camera, keep_outliers=placing["keep_outliers"],
         cut_top=placing["cut_top"],
         smooth=placing.get("smooth", 0.0) if options["smooth"] is None else options["smooth"],  # older records: none
         size=changed["resolution"], background=changed["background"], supersample=changed["supersample"],
@@ -234,6 +239,23 @@ def _changed_style(record: Mapping[str, Any], options: dict[str, Any]) -> Style:
     style = options["style"] or recorded
     radius = options["radius"] or (record.get("radius") if style == recorded else None)
     return parse_style(style, radius)
+
+
+def _own_camera(record: Mapping[str, Any], options: dict[str, Any]) -> PinholeCamera | None:
+    """The loaded camera, else the picture's, in the size that is asked for, if it is one in the data's units.
+
+    Raises:
+        SettingError: the file holds several cameras, or none.
+    """
+    from z2p_core.pinhole import PinholeCamera, camera_from_json
+    from z2p_renderer.storage.cameras import read_any_camera
+
+    camera: object = camera_from_json(record["pinhole"]) if "pinhole" in record else None
+    if options["load_camera"] is not None:
+        camera = read_any_camera(options["load_camera"])
+    if not isinstance(camera, PinholeCamera):
+        return None
+    return camera if options["resolution"] is None else camera.fitted(*options["resolution"])
 
 
 def _changed_camera(record: Mapping[str, Any], controls: dict[str, Value], options: dict[str, Any]) -> Viewpoint:

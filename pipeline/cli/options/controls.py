@@ -14,6 +14,7 @@ CONTROL_SETTINGS_KEY = "z2p.settings"
 HELP_SECTIONS = {
     "Input": ("recursive", "columns", "scan", "weights"),
     "View": ("up", "view", "azimuth", "load_camera", "save_camera", "same_frame", "keep_outliers", "cut_top"),
+    "Camera in the data's units": ("look_from", "look_at", "fov", "orthographic", "dpi"),
     "Picture": ("style", "radius", "smooth", "resolution", "background", "supersample", "fit", "margin", "format_",
                 "palette_name"),
     "Colours of points": ("color_by", "colormap", "clim", "classes", "relight", "color_bar", "legend"),
