@@ -46,6 +46,8 @@ class Look:
     margin: float | None = None
     """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
     the visible part. None: the default of either."""
+    reduction: int | None = None
+    """Factor by which the network draws smaller, the same for a whole film; None: by each cloud's own spacing."""
 
     def __post_init__(self) -> None:
         """Check the size.

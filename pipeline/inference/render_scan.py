@@ -141,7 +141,7 @@ def _render_frame(
     if floor is not None:
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     factor = look.supersample
-    image = renderer.render(cloud, values, look.width * factor, look.height * factor, floor, colors)
+    image = renderer.render(cloud, values, look.width * factor, look.height * factor, floor, colors, look.reduction)
     if factor > 1:
         image = bytes_from_unit(shrink(unit_from_bytes(image), factor))
     return fade_shadow(image)

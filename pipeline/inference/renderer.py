@@ -102,10 +102,12 @@ class Renderer:
         height: int = 512,
         floor: float | None = None,
         colors: PointColors | None = None,
+        reduction: int | None = None,
     ) -> np.ndarray:
         """Image (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units.
 
-        `floor` is its height; None puts it under the lowest point. A sparse cloud is rendered smaller and upsampled.
+        `floor` is its height; None puts it under the lowest point. A sparse cloud is rendered smaller and upsampled: by
+        the factor `reduction`, or None for one chosen by its spacing.
         `colors` are the surface's own, which take the place of the control ``color``; only for weights that
         `draw_colors`.
         """
@@ -113,7 +115,7 @@ class Renderer:
             neutral = neutral_albedo(colors.albedo)
             color = tuple(round(channel, 5) for channel in srgb_from_linear(neutral).tolist())
             values = {**(values or {}), "color": color}
-        inputs, relative = self._inputs(cloud, values, *render_size(cloud, width, height), floor, colors)
+        inputs, relative = self._inputs(cloud, values, *render_size(cloud, width, height, reduction), floor, colors)
         buffers, encoding, settings = inputs
         features = buffers[0, self._loaded.zbuffer.channels :]
         image = self._run_network(buffers, features, encoding, settings, len(cloud))

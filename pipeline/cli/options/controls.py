@@ -16,7 +16,7 @@ HELP_SECTIONS = {
     "View": ("up", "view", "azimuth", "load_camera", "save_camera", "same_frame", "keep_outliers", "cut_top"),
     "Picture": ("smooth", "resolution", "background", "supersample", "fit", "margin", "format_", "palette_name"),
     "Colours of points": ("color_by", "colormap", "clim", "classes", "relight", "color_bar", "legend"),
-    "Motion": ("motion", "frames", "fps", "steady"),
+    "Motion": ("motion", "frames", "fps", "steady", "hold", "blend", "blend_by", "turns", "closes", "reference"),
 }
 """Heading of the help -> its options. Controls follow below Look, and all other options below Output."""
 
