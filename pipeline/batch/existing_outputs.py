@@ -83,6 +83,8 @@ def _changed_settings(
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
         "margin": look.margin,
+        "dpi": look.dpi,
+        **{name: value or None for name, value in vars(look.marks).items()},
     }
     changes += [name for name, value in settings.items() if record.get(name) != value]
     changes += _changed_colors(record, look)

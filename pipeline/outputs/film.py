@@ -43,7 +43,7 @@ from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, place_scan, 
 from z2p_renderer.storage.scans.clouds import Scan
 
 BLENDS = ("auto", "points", "pictures")
-"""How a film goes from one cloud to the next: points move where they match, and else pictures fade; or one of the two."""
+"""How a film goes from one cloud to the next: points move where they match, else pictures fade; or one of the two."""
 MAX_PROBED_CLOUDS = 9
 """Clouds, evenly spread over the series, by whose median the weights and the network's resolution are chosen."""
 

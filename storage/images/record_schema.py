@@ -75,6 +75,10 @@ _PARTS: dict[str, Any] = {
     "window": ListOf(_NUMBER, 4, 4),
     "motion": MappingOf(AnyOf((_TEXT, Boolean(), _NUMBER))),
     "batch": Count(1, 1 << 30),
+    "dpi": Number(0, 1e6, exclude_minimum=True),
+    "scale_bar": Boolean(),
+    "axes": Boolean(),
+    "unit": _TEXT,
 }
 RECORD_LIMITS = JsonObject({"record": Count(1, 1)}, _PARTS)
 _REDRAWABLE_LIMITS = JsonObject({

@@ -15,6 +15,7 @@ HELP_SECTIONS = {
     "Input": ("recursive", "columns", "scan", "weights"),
     "View": ("up", "view", "azimuth", "load_camera", "save_camera", "same_frame", "keep_outliers", "cut_top"),
     "Picture": ("smooth", "resolution", "background", "supersample", "fit", "margin", "format_", "palette_name"),
+    "On paper": ("width_mm", "dpi", "scale_bar", "axes", "unit", "font_pt"),
     "Colours of points": ("color_by", "colormap", "clim", "classes", "relight", "color_bar", "legend"),
     "Motion": ("motion", "frames", "fps", "steady", "hold", "blend", "blend_by", "turns", "closes", "reference"),
 }
