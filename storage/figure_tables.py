@@ -76,7 +76,7 @@ def read_figure_table(path: Path) -> FigureTable:
 def _parse_csv(text: str, where: str) -> tuple[list[str], list[tuple[str, list[str]]], str]:
     lines = [line for line in csv.reader(io.StringIO(text)) if any(field.strip() for field in line)]
     if len(lines) < 2 or len(lines[0]) < 2:
-        raise SettingError(f"{where}: expected a line of titles, such as ',Input,Ours', and lines of a title and paths")
+        raise SettingError(f"{where}: expected a line of titles, as ',Input,Ours', and lines of a title and paths")
     return lines[0][1:], [(line[0], line[1:]) for line in lines[1:]], "rows"
 
 
@@ -92,7 +92,8 @@ def _parse_toml(text: str, where: str) -> tuple[list[str], list[tuple[str, list[
     if not (_are_texts(columns) and isinstance(rows, list) and rows and all(isinstance(row, dict) for row in rows)):
         raise SettingError(f"{where}: expected columns as a list of titles, and [[rows]] each with title and cells")
     for number, row in enumerate(rows):
-        if set(row) - {"title", "cells"} or not (_are_texts(row.get("cells")) and isinstance(row.get("title", ""), str)):
+        has_texts = _are_texts(row.get("cells")) and isinstance(row.get("title", ""), str)
+        if set(row) - {"title", "cells"} or not has_texts:
             raise SettingError(f"{where}: row {number + 1}: expected title, a text, and cells, a list of paths")
     shapes_in = data.get("shapes_in", "rows")
     if shapes_in not in ("rows", "columns"):
@@ -110,10 +111,12 @@ def _build_table(
     width = max(len(columns), *(len(cells) for _, cells in rows))
     for number, (_, cells) in enumerate(rows):
         if columns and len(cells) > len(columns):
-            raise SettingError(f"{where}: row {number + 1} has {len(cells)} cells, but there are {len(columns)} columns")
+            raise SettingError(f"{where}: row {number + 1} has {len(cells)} cells, but there are {len(columns)} titles "
+                               "of columns")
     if not 0 < width * len(rows) <= MAX_CELLS:
         raise SettingError(f"{where}: expected 1 to {MAX_CELLS} cells, got {width * len(rows)}")
-    cells = tuple(tuple(_parse_cell(one, folder) for one in [*given, *[""] * (width - len(given))]) for _, given in rows)
+    full = [[*given, *[""] * (width - len(given))] for _, given in rows]
+    cells = tuple(tuple(_parse_cell(text, folder) for text in line) for line in full)
     if not any(any(row) for row in cells):
         raise SettingError(f"{where}: all of its cells are empty")
     titles = tuple(title.strip() for title in [*columns, *[""] * (width - len(columns))])

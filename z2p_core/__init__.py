@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from z2p_core.api.animate import animate as animate
     from z2p_core.api.picture import Picture as Picture
     from z2p_core.api.previewer import Previewer as Previewer
     from z2p_core.api.render import RenderWarning as RenderWarning
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _LATE = {
-    "render": "z2p_core.api.render", "Picture": "z2p_core.api.picture", "Previewer": "z2p_core.api.previewer",
+    "render": "z2p_core.api.render", "animate": "z2p_core.api.animate",
+    "Picture": "z2p_core.api.picture", "Previewer": "z2p_core.api.previewer",
     "RenderWarning": "z2p_core.api.render", "ScanError": "z2p_core.interfaces", "SettingError": "z2p_core.interfaces",
 }  # fmt: skip
 """Public name -> module; imported when first used, so that `z2p --help` waits for none of it."""

@@ -38,7 +38,8 @@ IGNORED = ("recursive", "columns")
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
 @click.argument("table", type=click.Path(path_type=Path), metavar="TABLE")
 @click.option("--output", "-o", default="figure.pdf", type=OutputPath(file=True), metavar="FILE",
-              help="The figure: .pdf, .svg, .png, .webp, .tif, .jpg; or a film: .mp4, .gif, .apng, .webp with --frames.")
+              help="The figure: .pdf, .svg, .png, .webp, .tif, .jpg; or a film: .mp4, .gif, .apng, or .webp with "
+              "--frames.")
 @click.option("--frames", type=click.IntRange(2, 720), metavar="N",
               help="Make a film of so many frames, in which all objects turn together.  [default for films: 48]")
 @click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
