@@ -151,7 +151,7 @@ def _fitted(picture: np.ndarray, width: int, height: int) -> np.ndarray:
     if size != (picture.shape[1], picture.shape[0]):
         premultiplied = Image.fromarray(picture).convert("RGBa").resize(size, Image.Resampling.LANCZOS)
         scaled = np.asarray(premultiplied.convert("RGBA"))
-    fitted = np.zeros((height, width, 4), np.uint8)
+    fitted = np.full((height, width, 4), (255, 255, 255, 0), np.uint8)  # no dark line where viewers interpolate
     top, left = (height - size[1]) // 2, (width - size[0]) // 2
     fitted[top : top + size[1], left : left + size[0]] = scaled
     return fitted

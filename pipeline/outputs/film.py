@@ -64,6 +64,9 @@ class FilmPlan:
     """Whether the last cloud is blended into the first again, so that the loop has no cut."""
     reference: int = 0
     """Index of the cloud by which up axis and view are chosen; -1 for the last one."""
+    frames_reference: bool = False
+    """Whether the reference fills the frame, rather than all clouds fit; others may reach beyond it, and each stands on
+    its own lowest point."""
 
     def moments(self, clouds: int) -> list[tuple[int, float]]:
         """Of each frame, the index of the newest cloud, and the share from 0 to 1 of the way to the next."""
@@ -128,7 +131,10 @@ def plan_film(series: CloudSeries, renderer: AnyRenderer, look: Look, plan: Film
         raise ScanError(f"expected a reference from 1 to {len(series)}, the number of clouds, got {plan.reference + 1}")
     reference = place_scan(*series.scan(plan.reference % len(series)), look.placement_options, *elevation)
     options, notes, description = look.placement_options, [], "seen from the given camera"
-    if options.viewpoint is None:
+    if options.viewpoint is None and plan.frames_reference:
+        options = replace(options, viewpoint=reference.viewpoint)
+        description = f"the frame of cloud {plan.reference % len(series) + 1}: {reference.placement.view_description}"
+    elif options.viewpoint is None:
         common = common_viewpoint_of(series.readable_groups(), options, *elevation, reference)
         options = replace(options, viewpoint=common.viewpoint, grounded=common.grounded)
         notes, description = common.notes, common.description

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import inspect
+import math
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from numbers import Real
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from z2p_core.api.backend import FilmRequest, load_backend
 from z2p_core.api.render import RenderWarning, build_request, check_names, prepare_clouds, render
@@ -78,6 +81,7 @@ def animate(
     values = {name: value for name, value in arguments.arguments.items() if name not in ("points", "colors")}
     files = _files(points)
     request = build_request(points if files is None else files[0], colors, values)
+    clouds: Sequence[np.ndarray] | Sequence[Path]
     if files is None:
         clouds, request, notes, _ = prepare_clouds(points, colors, request)
         if not clouds:
@@ -110,15 +114,17 @@ def _choice(name: str, value: Any, known: tuple[str, ...]) -> str:
 
 
 def _whole(name: str, value: Any, least: int, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, Real) or not (least <= value <= most and value == int(value)):
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    if not (least <= number <= most and number.is_integer()):
         raise SettingError(f"expected {name} as a whole number from {least} to {most}, got {value!r}")
-    return int(value)
+    return int(number)
 
 
 def _number(name: str, value: Any, least: float, most: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real) or not least <= value <= most:
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    if not least <= number <= most:
         raise SettingError(f"expected {name} as a number from {least:g} to {most:g}, got {value!r}")
-    return float(value)
+    return number
 
 
 def _index(reference: Any) -> int:

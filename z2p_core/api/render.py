@@ -212,8 +212,8 @@ def _render_images(
     """An image of each cloud, what to warn of beside their own notes, and whether `points` is a batch."""
     if isinstance(points, str | Path):
         is_named = colors is None or isinstance(colors, str)
-        request, notes = (request, []) if is_named else _with_mean_color(request, colors)
-        return load_backend().render_file(Path(points), request), notes, False
+        request, told = (request, list[str]()) if is_named else _with_mean_color(request, colors)
+        return load_backend().render_file(Path(points), request), told, False
     clouds, request, notes, is_batch = prepare_clouds(points, colors, request)
     return load_backend().render_arrays(clouds, request), notes, is_batch
 

@@ -93,6 +93,8 @@ class Reference(click.ParamType):
     type=Reference(),
     help="The cloud by which the up axis and the view are chosen: last for what begins as noise.",
 )
+@click.option("--frame", "frame_of", default="all", type=click.Choice(["all", "reference"]),
+              help="all: every cloud fits; reference: that cloud fills the picture, others may reach beyond it.")
 @picture_options
 @color_options
 @click.option("--overwrite", is_flag=True, help="Replace a film of that name.")
@@ -144,7 +146,7 @@ def _run(
     renderer = load_renderer(options["weights"], controls, engine=options["engine"])
     look = look_from_options(renderer, controls, options, colors).written_as(output.suffix.lower())
     plan = FilmPlan(options["hold"], options["blend"], options["blend_by"], options["turns"], options["closes"],
-                    options["reference"])  # fmt: skip
+                    options["reference"], options["frame_of"] == "reference")  # fmt: skip
     series = series_of_files(files, columns, colors, report)
     planned = plan_film(series, renderer, look, plan)
     if not options["quiet"]:

@@ -18,7 +18,7 @@ HELP_SECTIONS = {
     "On paper": ("width_mm", "dpi", "scale_bar", "axes", "unit", "font_pt"),
     "Colours of points": ("color_by", "colormap", "clim", "classes", "relight", "color_bar", "legend"),
     "Motion": ("motion", "frames", "fps", "steady", "hold", "blend", "blend_by", "turns", "closes", "reference",
-               "grid"),
+               "frame_of", "grid"),
 }
 """Heading of the help -> its options. Controls follow below Look, and all other options below Output."""
 

@@ -20,6 +20,8 @@ DEFAULT_DPI = 300.0
 MM_PER_INCH = 25.4
 DEFAULT_AXES_MARGIN = 0.2
 """Free border that leaves room for the texts of axes, as a share of the shorter side."""
+TIGHT_AXES_MARGIN = 0.12
+"""The same in a picture that is trimmed."""
 
 PAPER_OPTIONS = (
     click.option("--width-mm", type=FiniteRange(5, 2000), metavar="MM",
@@ -35,7 +37,7 @@ MARK_OPTIONS = (
                  "what is nearer looks larger."),
     click.option("--axes", is_flag=True,
                  help="Draw the data's axes with ticks, along three edges of the cloud's box. The margin is 0.2 then, "
-                 "unless it is given."),
+                 "tight 0.12, unless given."),
     click.option("--unit", metavar="NAME", default="",
                  help="Unit of the data's coordinates, such as m, for --scale-bar and --axes; files do not tell it."),
 )  # fmt: skip
@@ -83,6 +85,7 @@ def with_paper(look: Look, options: dict[str, Any]) -> Look:
     marks = Marks(options["scale_bar"], options["axes"], " ".join(options["unit"].split()))
     if marks.unit and not marks:
         raise click.UsageError("--unit is for --scale-bar and --axes; add one of them, or leave it out")
-    is_roomy = look.margin is not None or look.tight or options["load_camera"] is not None
-    margin = DEFAULT_AXES_MARGIN if marks.axes and not is_roomy else look.margin
+    has_room = look.margin is not None or (options["load_camera"] is not None and not look.tight)
+    usual = TIGHT_AXES_MARGIN if look.tight else DEFAULT_AXES_MARGIN
+    margin = usual if marks.axes and not has_room else look.margin
     return replace(look, marks=marks, dpi=options["dpi"], margin=margin)
