@@ -24,10 +24,14 @@ EXTERNAL_PLUGIN_PAGES = ("writing-a-control.md", "writing-a-plugin.md")
 other."""
 CODE_FOLDERS = ("benchmarks", "configs", "docs", "examples", "pipeline", "plugins", "scripts", "shims", "storage",
                 "tests", "workflows", "z2p_core", "z2p_renderer")  # fmt: skip
-EXAMPLE_FILES = {"mine_zbuffer.py", "mine_reader.py", "test_mine.py", "mine.toml", "table.toml", "z2p_core/native/TOPIC.py"}
+EXAMPLE_FILES = {"mine_zbuffer.py", "mine_reader.py", "test_mine.py", "mine.toml", "table.toml",
+                 "z2p_core/native/TOPIC.py"}  # fmt: skip
 EXAMPLE_FOLDERS = {"z2p_core/native/c/TOPIC/"}
 """Files and folders that a page names for the reader to make."""
-RUN = re.compile(r"(cat \S+ \| )?z2p (render|run-inference|animate|film|figure|rerender|info|formats|plugins|report|completion) ")
+RUN = re.compile(
+    r"(cat \S+ \| )?"
+    r"z2p (render|run-inference|animate|film|figure|rerender|info|formats|plugins|report|completion) "
+)
 """Commands that are run; those of whole pipelines have tests of their own, and only their options are checked here."""
 
 
