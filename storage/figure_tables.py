@@ -116,11 +116,11 @@ def _build_table(
     if not 0 < width * len(rows) <= MAX_CELLS:
         raise SettingError(f"{where}: expected 1 to {MAX_CELLS} cells, got {width * len(rows)}")
     full = [[*given, *[""] * (width - len(given))] for _, given in rows]
-    cells = tuple(tuple(_parse_cell(text, folder) for text in line) for line in full)
-    if not any(any(row) for row in cells):
+    parsed = tuple(tuple(_parse_cell(text, folder) for text in line) for line in full)
+    if not any(any(row) for row in parsed):
         raise SettingError(f"{where}: all of its cells are empty")
     titles = tuple(title.strip() for title in [*columns, *[""] * (width - len(columns))])
-    return FigureTable(titles, tuple(title.strip() for title, _ in rows), cells, shapes_in)
+    return FigureTable(titles, tuple(title.strip() for title, _ in rows), parsed, shapes_in)
 
 
 def _parse_cell(text: str, folder: Path) -> FigureCell | None:

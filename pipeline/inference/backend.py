@@ -89,7 +89,8 @@ class RenderBackend:
 
         check_animation_suffix(path.suffix.lower())
         scans: list[tuple[Scan, str]] = []
-        for index, cloud in enumerate(clouds):
+        members: list[np.ndarray | Path] = [*clouds]
+        for index, cloud in enumerate(members):
             if isinstance(cloud, Path):
                 scans += [(scan, format_suffix(cloud)) for scan in _read_whole(cloud, request)]
             else:
@@ -99,7 +100,7 @@ class RenderBackend:
             request, note = _without_undrawn_colors(request, renderer)
             look = _look_for(renderer, request).written_as(path.suffix.lower())
             colors = _color_per_cloud(request, renderer, len(scans))
-            sources = [_film_source(cloud) for cloud in clouds]
+            sources = [_film_source(cloud) for cloud in members[:1]]
             return [*write_film(scans, colors, renderer, look, film, sources[0], path), *filter(None, [note])]
 
     def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:

@@ -103,8 +103,8 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
     top = left = 0
     if look.tight:
-        is_own = look.crop is None
-        box = content_box(picture[..., 3], look.margin) if is_own else crop_rows_and_columns(picture, look.crop)
+        is_own, crop = look.crop is None, look.crop or (0.0, 0.0, 1.0, 1.0)
+        box = content_box(picture[..., 3], look.margin) if is_own else crop_rows_and_columns(picture, crop)
         picture, top, left = crop_box(picture, box), box[0], box[2]
     bounds = _data_bounds(placed) if look.marks.axes else None
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,

@@ -65,7 +65,7 @@ class CellDrawer:
             try:
                 pictures[place] = render_scan(self.renderer, scan, suffix, self._looks[self._shape(place)]).picture
             except ScanError as error:
-                self._report(self.table.cells[place[0]][place[1]], error)
+                self._report(self._cell(place), error)
         return pictures
 
     def turning(self, motion: Motion) -> Iterator[dict[Place, np.ndarray]]:
@@ -76,7 +76,7 @@ class CellDrawer:
             try:
                 opening = draw_opening(self.renderer, scan, suffix, look)
             except ScanError as error:
-                self._report(self.table.cells[place[0]][place[1]], error)
+                self._report(self._cell(place), error)
                 continue
             loops[place] = render_frames(opening, scan, suffix, look, motion)
         for _ in range(motion.frames):
@@ -87,6 +87,11 @@ class CellDrawer:
             for column, cell in enumerate(cells):
                 if cell is not None:
                     yield (row, column), cell
+
+    def _cell(self, place: Place) -> FigureCell:
+        cell = self.table.cells[place[0]][place[1]]
+        assert cell is not None
+        return cell
 
     def _shape(self, place: Place) -> int:
         return self.table.shape_of(*place)

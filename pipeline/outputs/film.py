@@ -140,11 +140,11 @@ def plan_film(series: CloudSeries, renderer: AnyRenderer, look: Look, plan: Film
         notes, description = common.notes, common.description
     else:  # turned by the user's azimuth, and of an elevation that the weights know
         options = replace(options, viewpoint=reference.viewpoint)
-    assert options.viewpoint is not None
     options = replace(options, azimuth=0.0, smooth=_kept_smoothing(reference, options.smooth))
     smoothing = reference.placement.smoothing_radius * reference.viewpoint.radius
     selected, reason, look = _choose_for_all(series, renderer, replace(look, placement_options=options))
     look, _ = with_common_scale(selected, series.scans(), look)
+    assert options.viewpoint is not None
     viewpoint = with_margin(options.viewpoint, look.frame_margin)
     opening = render_scan(selected, *series.scan(plan.reference % len(series)),
                           replace(look.untrimmed, width=64, height=64, supersample=1, reduction=None))  # fmt: skip

@@ -228,7 +228,7 @@ def prepare_clouds(
         SettingError: the colors are none, or not one for each point or cloud.
     """
     given_colors = None if isinstance(colors, str) else colors
-    given, notes = point_arrays(points), []
+    given, notes = point_arrays(points), list[str]()
     request = replace(
         request, fields=given.fields, class_names=given.class_names, color_kinds=given.color_kinds
     )  # fmt: skip
