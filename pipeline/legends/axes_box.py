@@ -16,8 +16,10 @@ _TEXT_DISTANCE = 1.25
 """From an edge to the middle of a tick's text."""
 _NAME_DISTANCE = 2.6
 """From an edge to the middle of the axis's name."""
-_TICK_PITCH = 3.0
-"""Least distance of two ticks."""
+_TICK_PITCH = 2.6
+"""Least distance of two ticks of an upright axis."""
+_TICK_PITCH_ALONG = 2.2
+"""Added to it for a level axis, along which the texts are wide."""
 _MOST_TICKS = 4
 _LINE_WIDTH = 0.08
 _SHORTEST_EDGE = 1.5
@@ -90,10 +92,12 @@ def _draw_axis(
         return
     outward = np.array([-along[1], along[0]]) / length
     outward *= 1.0 if outward @ (places.mean(axis=0) - middle) >= 0 else -1.0
-    most = max(1, min(_MOST_TICKS, int(length / (_TICK_PITCH * font))))
+    pitch = (_TICK_PITCH + _TICK_PITCH_ALONG * abs(float(along[0])) / length) * font
+    most = max(1, min(_MOST_TICKS, int(length / pitch)))
     widest = 0.0
     low, high = float(ends[0][axis]), float(ends[1][axis])
-    for value, text in zip(*choose_ticks(low, high, most), strict=True):
+    ticks = list(zip(*choose_ticks(low, high, most), strict=True))
+    for value, text in ticks[:: 2 if len(ticks) > most + 1 else 1]:  # few ticks may still be too many
         point = ends[0].copy()
         point[axis] = value
         place = np.array(box[:2]) + geometry.project(point[None])[0][0] * scale
