@@ -57,7 +57,16 @@ def main(job_folder: Path) -> None:
 def make_mesh(vertices: np.ndarray, faces: np.ndarray, smooth: bool) -> Any:
     """Blender mesh of float vertices (V, 3) and triangles (M, 3); validated, as an index out of range would crash."""
     mesh = bpy.data.meshes.new("object")
-    mesh.from_pydata(vertices.tolist(), [], faces.tolist(), shade_flat=not smooth)
+    mesh.vertices.add(len(vertices))
+    mesh.loops.add(3 * len(faces))
+    mesh.polygons.add(len(faces))
+    # arrays, where from_pydata takes lists: a tenth of the time and memory for millions of triangles
+    mesh.vertices.foreach_set("co", np.ascontiguousarray(vertices, np.float32).ravel())
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(faces), 3, dtype=np.int32))
+    mesh.polygons.foreach_set("vertices", np.ascontiguousarray(faces, np.int32).ravel())
+    if not smooth:
+        mesh.shade_flat()
+    mesh.update(calc_edges=True)
     mesh.validate()
     mesh.update()
     if smooth:
@@ -65,12 +74,19 @@ def make_mesh(vertices: np.ndarray, faces: np.ndarray, smooth: bool) -> Any:
     return mesh
 
 
+def vertex_positions(mesh: Any) -> np.ndarray:
+    """Positions (V, 3) float64 of a mesh's vertices."""
+    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", positions)
+    return positions.reshape(-1, 3).astype(np.float64)
+
+
 class BlenderScene:
     """The paper's scene (section 3.2): object, shadow-catching floor, square area light, ambient light, camera."""
 
     def __init__(self, mesh: Any, settings: dict[str, Any]) -> None:
         self.scene = bpy.context.scene
-        self.vertices = np.array([vertex.co for vertex in mesh.vertices])
+        self.vertices = vertex_positions(mesh)
         self.object = self._add("object", mesh)
         self.surface = self._add_material(mesh)
         self.default_inputs: dict[str, Any] = {}  # Blender's values of the inputs that some scene has set

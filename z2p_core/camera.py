@@ -77,6 +77,26 @@ class Camera:
         return u, v
 
 
+@dataclass(frozen=True)
+class TurnedCamera(Camera):
+    """A camera that is turned about the world's Z axis, by `azimuth` degrees counter-clockwise from above.
+
+    What it sees is what `Camera` sees of a world that is turned by as much the other way.
+    """
+
+    azimuth: float = 0.0
+
+    @property
+    def position(self) -> np.ndarray:
+        position: np.ndarray = turn(self.azimuth) @ super().position
+        return position
+
+    @property
+    def rotation(self) -> np.ndarray:
+        rotation: np.ndarray = super().rotation @ turn(self.azimuth).T
+        return rotation
+
+
 def light_position(light: tuple[float, float, float]) -> np.ndarray:
     """World position (3,) of a light given as radius, azimuth and elevation (degrees) relative to the camera.
 

@@ -253,6 +253,13 @@ class GBuffer(ABC):
         """
         raise NotImplementedError(f"the G-buffer {self.name!r} draws no textures")
 
+    def prepare(self, cloud: np.ndarray, colors: PointColors | None = None) -> PreparedCloud:
+        """The cloud (N, 3), in its own `colors` if given, for many images from other sides and in other light.
+
+        Override it to keep what these images share. By default, each is drawn anew from the turned cloud.
+        """
+        return PreparedCloud(self, cloud, colors)
+
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:  # noqa: B027 - most need none
         """Blend the network's output towards the rough rendering, in place. Called once a picture, after the network.
 
@@ -278,6 +285,44 @@ class GBuffer(ABC):
             sRGB and alpha, that holds elsewhere.
         """
         return None
+
+
+class PreparedCloud:
+    """A cloud of which a G-buffer draws many images; made by `GBuffer.prepare`. Several threads may share one.
+
+    An image does not depend on those that were drawn before it, beyond rounding.
+    """
+
+    def __init__(self, gbuffer: GBuffer, cloud: np.ndarray, colors: PointColors | None) -> None:
+        self._gbuffer, self._cloud, self._colors = gbuffer, cloud, colors
+
+    def recolored(self, colors: PointColors | None) -> PreparedCloud:
+        """The same cloud in other colors, or in the scene's base color (None); what both share is kept."""
+        return PreparedCloud(self._gbuffer, self._cloud, colors)
+
+    def draw_into(
+        self, out: np.ndarray, azimuth: float, camera: Camera, scene: SceneDescription
+    ) -> np.ndarray | None:  # fmt: skip
+        """Write the features of the cloud, turned by `azimuth` degrees about +Z counter-clockwise from above.
+
+        Args:
+            out: (channels, H, W) float32, which receives what `GBuffer.draw_into` or `draw_textured_into` would write.
+            azimuth: how far the cloud is turned before `camera` and `scene`, which both stay where they are.
+            camera: as for `GBuffer.draw`.
+            scene: as for `GBuffer.draw`; its light may have any azimuth.
+
+        Returns:
+            What `draw_textured_into` returns, for a cloud that was prepared with colors; else None.
+        """
+        from z2p_core.camera import turn  # late, as few processes draw here
+
+        rotation = turn(azimuth).astype(np.float32).T
+        cloud = self._cloud @ rotation if azimuth else self._cloud
+        if self._colors is None:
+            self._gbuffer.draw_into(out, cloud, camera, scene)
+            return None
+        colors = replace(self._colors, points=self._colors.points @ rotation) if azimuth else self._colors
+        return self._gbuffer.draw_textured_into(out, cloud, colors, camera, scene)
 
 
 class PositionalEncoder(ABC):

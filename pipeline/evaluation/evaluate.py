@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -23,6 +24,7 @@ from z2p_core.quality.metrics import METRIC_NAMES, image_metrics
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation.baselines import load_baselines, run_baseline, with_true_floor
 from z2p_renderer.pipeline.evaluation.comparison_sheet import SheetRow, make_row, write_sheets
+from z2p_renderer.pipeline.evaluation.time_limit import StoppableProcess
 from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.render import RenderSettings, read_render
@@ -41,6 +43,8 @@ if TYPE_CHECKING:
 
 UPRIGHT_SHARE = 0.5
 """Share of the views that rotate the mesh about +Z only, as in training."""
+STOPPED_AFTER = "stopped_after"
+"""Key in the row of a baseline that was stopped: the seconds that it was given."""
 WEIGHTS_KEY = ""
 """Key of the weights among the methods; the baselines' keys are their names."""
 
@@ -89,6 +93,7 @@ def evaluate(
     log: Log = lambda line: None,
     baselines: Sequence[str] = (),
     engine: str = REFERENCE_ENGINE,
+    baseline_seconds: float | None = None,
 ) -> Path:
     """Writes ``out/metrics.json`` (a row per mesh, view and seed; means; spread), pictures and comparison sheets.
 
@@ -98,6 +103,8 @@ def evaluate(
     Views and clouds depend on the seed, the mesh's bytes and the view's number, not on names or other meshes.
     Each of `baselines` gets the same clouds, and its own rows and means under its name. Ground truth and baselines'
     pictures are stored under `truth_root` by their fingerprint and reused for other weights. `engine` runs the network.
+    A baseline that takes longer than `baseline_seconds` for a cloud is stopped, as are its other clouds of this mesh;
+    its rows say ``stopped_after``, and its means are of the clouds that it did.
 
     Raises:
         ScanError: no meshes, or one that cannot be read.
@@ -119,13 +126,16 @@ def evaluate(
         _trials(mesh, renderer, one_seed, truth_root, log)
         for one_seed in split_seeds(config) for mesh in evaluation_meshes
     )  # fmt: skip
-    for trial in chain.from_iterable(trials):
-        results = {WEIGHTS_KEY: _run_weights(renderer, trial)}
-        results |= {name: _run_baseline(competitor, trial, truth_root, log) for name, competitor in competitors.items()}
-        for name, (row, _) in results.items():
-            rows[name].append(row)
-        _save_pictures(trial, results, out / "pictures", log)
-        sheet.append(_sheet_row(trial, results))
+    with nullcontext() if baseline_seconds is None else StoppableProcess(baseline_seconds) as process:
+        for trial in chain.from_iterable(trials):
+            results = {WEIGHTS_KEY: _run_weights(renderer, trial)}
+            for name, competitor in competitors.items():
+                earlier = _earlier_stop(rows[name], trial)
+                results[name] = earlier or _run_baseline(competitor, trial, truth_root, log, process)
+            for name, (row, _) in results.items():
+                rows[name].append(row)
+            _save_pictures(trial, results, out / "pictures", log)
+            sheet.append(_sheet_row(trial, results))
     write_sheets(sheet, out, tuple(competitors))
     settings = _settings(config, weights, engine, evaluation_meshes, competitors)
     summaries = {name: {**summarise(own), **_summarise_textures(own), "rows": own} for name, own in rows.items()}
@@ -219,8 +229,14 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     spread = _aggregate(list(seeds.values()), np.std)
     return {
         "means": _aggregate(rows, np.mean), "spread": _aggregate(rows, np.std), "spread_over_seeds": spread,
-        "meshes": meshes, "seeds": seeds,
+        "meshes": meshes, "seeds": seeds, **_count_stopped(rows),
     }  # fmt: skip
+
+
+def _count_stopped(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """``stopped``: how many rows were stopped, of how many, and the seconds that they were given; nothing if none."""
+    seconds = [row[STOPPED_AFTER] for row in rows if STOPPED_AFTER in row]
+    return {"stopped": {"rows": len(seconds), "of": len(rows), "after_seconds": max(seconds)}} if seconds else {}
 
 
 def _summarise_textures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -288,7 +304,22 @@ def _run_weights(renderer: Renderer, trial: Trial) -> Result:
     return row, picture
 
 
-def _run_baseline(baseline: type[Baseline], trial: Trial, truth_root: Path, log: Log) -> Result:
+def _earlier_stop(rows: Sequence[Mapping[str, Any]], trial: Trial) -> Result | None:
+    """The result of a baseline that was stopped before on as many points of the same mesh; None if it was not."""
+    for row in rows:
+        if row["mesh"] == trial.subject.name and STOPPED_AFTER in row:
+            return _stopped_result(trial, row[STOPPED_AFTER])
+    return None
+
+
+def _stopped_result(trial: Trial, seconds: float) -> Result:
+    side = trial.config.resolution
+    return _row_of(trial) | {STOPPED_AFTER: seconds}, np.zeros((side, side, 4), np.float32)
+
+
+def _run_baseline(
+    baseline: type[Baseline], trial: Trial, truth_root: Path, log: Log, process: StoppableProcess | None
+) -> Result:
     subject, config = trial.subject, trial.config
     cloud_fields = stage_fields("sample") | {
         "mesh": subject.identity, "view": trial.index, "points": config.points, "noise": config.noise,
@@ -297,7 +328,11 @@ def _run_baseline(baseline: type[Baseline], trial: Trial, truth_root: Path, log:
     rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), trial.index, 2])
     scene = with_true_floor(trial.view.scene, subject.sphere.normalise(subject.mesh.vertices))
     settings = ground_truth_settings(config)
-    result = run_baseline(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log, trial.albedo)
+    result = run_baseline(
+        baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log, trial.albedo, process
+    )
+    if result.stopped_after:
+        return _stopped_result(trial, result.stopped_after)
     row = {**_metrics_row(result.picture, trial), "seconds": result.seconds, "render_seconds": result.render_seconds}
     return row | ({"error": result.error} if result.error else {}), result.picture
 
@@ -320,10 +355,13 @@ def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
 
 def _metrics_row(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
     metrics = image_metrics(picture, trial.truth, trial.coverage)
+    return _row_of(trial) | {name: _rounded_or_none(value) for name, value in metrics.items()}
+
+
+def _row_of(trial: Trial) -> dict[str, Any]:
+    """What a row says about the trial itself."""
     texture = {"texture": trial.texture} if trial.texture else {}
-    return {"mesh": trial.subject.name, "seed": trial.config.seed, "view": trial.index, **texture} | {
-        name: _rounded_or_none(value) for name, value in metrics.items()
-    }
+    return {"mesh": trial.subject.name, "seed": trial.config.seed, "view": trial.index, **texture}
 
 
 def ground_truth_settings(config: EvaluateConfig) -> RenderSettings:
@@ -334,6 +372,8 @@ def ground_truth_settings(config: EvaluateConfig) -> RenderSettings:
 
 def _metric_labels(metrics: Mapping[str, float | None]) -> list[str]:
     formats = {"psnr_foreground": "object {:.1f} dB", "ssim": "SSIM {:.3f}", "flip": "FLIP {:.3f}"}
+    if STOPPED_AFTER in metrics:
+        return [f"stopped after {metrics[STOPPED_AFTER]:g} s"]
     return [form.format(metrics[name]) for name, form in formats.items() if metrics[name] is not None]
 
 

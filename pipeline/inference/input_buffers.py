@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.camera import Camera
-from z2p_core.interfaces import GBuffer, PointColors, ZBuffer
+from z2p_core.camera import Camera, turn
+from z2p_core.interfaces import GBuffer, PointColors, PreparedCloud, ZBuffer
 from z2p_core.parallel import run_async
 from z2p_core.scene import SceneDescription
 
@@ -29,5 +29,18 @@ def draw_textured_buffers(
         gbuffer.draw_into(features, cloud, camera, scene)
     else:
         relative = gbuffer.draw_textured_into(features, cloud, colors, camera, scene)
+    splats.result()
+    return buffers, relative
+
+
+def draw_prepared_buffers(
+    cloud: np.ndarray, prepared: PreparedCloud, azimuth: float, camera: Camera, scene: SceneDescription,
+    zbuffer: ZBuffer, gbuffer: GBuffer,
+) -> tuple[np.ndarray, np.ndarray | None]:  # fmt: skip
+    """What `draw_textured_buffers` gives for the cloud turned by `azimuth` degrees, with what `prepared` has kept."""
+    buffers = np.empty((zbuffer.channels + gbuffer.channels, camera.height, camera.width), dtype=np.float32)
+    turned = cloud @ turn(azimuth).astype(np.float32).T if azimuth else cloud
+    splats = run_async(zbuffer.draw_into, buffers[: zbuffer.channels], turned, camera)
+    relative = prepared.draw_into(buffers[zbuffer.channels :], azimuth, camera, scene)
     splats.result()
     return buffers, relative

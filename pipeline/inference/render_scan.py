@@ -20,6 +20,7 @@ from z2p_core.shading.shadow_fade import fade_shadow
 from z2p_renderer.pipeline.coloring.color_points import Coloring, Scale, color_points
 from z2p_renderer.pipeline.coloring.common_scale import share_scale
 from z2p_renderer.pipeline.inference.look import Look
+from z2p_renderer.pipeline.inference.prepared_render import PreparedRender
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box, crop_rows_and_columns
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
@@ -176,6 +177,19 @@ def _render_frame(
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     factor = look.supersample
     image = renderer.render(cloud, values, look.width * factor, look.height * factor, floor, colors, look.reduction)
+    return _finish_frame(image, factor)
+
+
+def render_prepared(
+    prepared: PreparedRender, values: dict[str, Value], look: Look, azimuth: float
+) -> np.ndarray:  # fmt: skip
+    """The whole frame (H, W, 4) uint8, as of `render_scan`, of a prepared cloud turned by `azimuth` degrees."""
+    factor = look.supersample
+    return _finish_frame(prepared.render(values, look.width * factor, look.height * factor, azimuth), factor)
+
+
+def _finish_frame(image: np.ndarray, factor: int) -> np.ndarray:
+    """An image (factor H, factor W, 4) uint8 at its final size (H, W, 4), its shadow faded towards the edges."""
     if factor > 1:
         image = bytes_from_unit(shrink(unit_from_bytes(image), factor))
     return fade_shadow(image)

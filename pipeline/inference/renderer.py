@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property, partial
 from pathlib import Path
 from threading import local
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.interfaces import Control, Engine, PointColors, Value
+from z2p_core.interfaces import Control, Engine, GBuffer, PointColors, Slider, Value, ZBuffer
 from z2p_core.native import to_straight_rgba8
 from z2p_core.network.crop_window import crop_window
 from z2p_core.network.exit_guard import inside_engine
@@ -25,6 +27,9 @@ from z2p_renderer.pipeline.inference.input_buffers import draw_textured_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
+
+if TYPE_CHECKING:
+    from z2p_renderer.pipeline.inference.prepared_render import PreparedRender
 
 
 class Renderer:
@@ -77,6 +82,16 @@ class Renderer:
         return self._loaded.controls
 
     @property
+    def gbuffer(self) -> GBuffer:
+        """The G-buffer that the weights were trained with."""
+        return self._loaded.gbuffer
+
+    @property
+    def zbuffer(self) -> ZBuffer:
+        """The z-buffer that the weights were trained with."""
+        return self._loaded.zbuffer
+
+    @property
     def fixed_elevation(self) -> float | None:
         """The only camera elevation, in degrees, that the weights can render; None if it is one of their controls."""
         if "elevation" in self.controls:
@@ -111,20 +126,41 @@ class Renderer:
         `colors` are the surface's own, which take the place of the control ``color``; only for weights that
         `draw_colors`.
         """
-        if colors is not None:
-            neutral = neutral_albedo(colors.albedo)
-            color = tuple(round(channel, 5) for channel in srgb_from_linear(neutral).tolist())
-            values = {**(values or {}), "color": color}
-        inputs, relative = self._inputs(cloud, values, *render_size(cloud, width, height, reduction), floor, colors)
+        neutral = None if colors is None else neutral_albedo(colors.albedo)
+        inputs, relative = self._inputs(cloud, with_neutral_color(values, neutral),
+                                        *render_size(cloud, width, height, reduction), floor, colors)  # fmt: skip
+        image = self.finish(inputs, relative, len(cloud), neutral, 1.0 if colors is None else colors.relight)
+        return to_straight_rgba8(upsampled(image, width, height))
+
+    def prepare(
+        self, cloud: np.ndarray, floor: float | None = None, colors: PointColors | None = None
+    ) -> PreparedRender:  # fmt: skip
+        """A placed cloud (N, 3), for many images from other sides, in other light or of another material.
+
+        The arguments are those of `render`.
+        """
+        from z2p_renderer.pipeline.inference.prepared_render import PreparedRender  # late: it is built on this module
+
+        return PreparedRender(self, cloud, floor, colors)
+
+    def finish(
+        self, inputs: tuple[np.ndarray, np.ndarray, np.ndarray], relative: np.ndarray | None, points: int,
+        neutral: np.ndarray | None, relight: float,
+    ) -> np.ndarray:  # fmt: skip
+        """The image (4, H, W) float32, premultiplied sRGB and alpha, of the network's `inputs`, for so many points.
+
+        `relative` (4, H, W) is the relative radiance of a surface with colors of its own, `neutral` (3,) the linear
+        color in which the network renders it.
+        """
         buffers, encoding, settings = inputs
         features = buffers[0, self._loaded.zbuffer.channels :]
-        image = self._run_network(buffers, features, encoding, settings, len(cloud))
-        self._loaded.gbuffer.reconcile(image, features, len(cloud))
-        if colors is not None and relative is not None:
-            if colors.relight < 1:
-                reduce_light(image, neutral, relative[3], colors.relight)
+        image = self._run_network(buffers, features, encoding, settings, points)
+        self._loaded.gbuffer.reconcile(image, features, points)
+        if neutral is not None and relative is not None:
+            if relight < 1:
+                reduce_light(image, neutral, relative[3], relight)
             apply_relative_radiance(image, relative[:3], relative[3])
-        return to_straight_rgba8(upsampled(image, width, height))
+        return image
 
     def inputs(
         self,
@@ -142,17 +178,29 @@ class Renderer:
         colors: PointColors | None,
     ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray | None]:  # fmt: skip
         """`inputs`, and the relative radiance (4, height, width) of a surface with colors of its own."""
+
+        def draw(camera: Camera, scene: SceneDescription) -> tuple[np.ndarray, np.ndarray | None]:
+            return draw_textured_buffers(cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
+
+        return self.inputs_from(draw, values, width, height, floor)
+
+    def inputs_from(
+        self, draw: Callable[[Camera, SceneDescription], tuple[np.ndarray, np.ndarray | None]],
+        values: dict[str, Value] | None, width: int, height: int, floor: float | None,
+    ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray | None]:  # fmt: skip
+        """The network's inputs with the buffers that `draw` makes of a camera and a scene, and what else that gives.
+
+        Values beyond a control's range are drawn as they are, and the network reads the nearest one in the range.
+        """
         scene = SceneDescription(floor=floor)
         if self.fixed_elevation is not None:
             scene.elevation = self.fixed_elevation
         settings = self.settings(values)
         apply_controls(settings, self.controls, scene)
         camera = Camera(width, height, scene.elevation)
-        buffers, relative = draw_textured_buffers(
-            cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer
-        )
-        inputs = buffers[None], self._encoding(width, height), settings_vector(settings, self.controls)[None]
-        return inputs, relative
+        buffers, relative = draw(camera, scene)
+        read = {name: clamped(value, self.controls[name].slider) for name, value in settings.items()}
+        return (buffers[None], self._encoding(width, height), settings_vector(read, self.controls)[None]), relative
 
     def _encoding(self, width: int, height: int) -> np.ndarray:
         """The encoder's features (E, h, w) for an image of that size. The last are kept: most images have one size."""
@@ -197,3 +245,16 @@ class Renderer:
 
         parallel_rows(copy_channels, window.shape[1], smallest=2, parts=2)  # half of the channels on each core
         return copy
+
+
+def with_neutral_color(values: dict[str, Value] | None, neutral: np.ndarray | None) -> dict[str, Value]:
+    """Values of controls, with that linear color (3,), if any, as the control ``color``, in sRGB."""
+    if neutral is None:
+        return values or {}
+    return {**(values or {}), "color": tuple(round(channel, 5) for channel in srgb_from_linear(neutral).tolist())}
+
+
+def clamped(value: Value, slider: Slider) -> Value:
+    """The value in the slider's range that is nearest to a value."""
+    ends = zip(value, slider.low, slider.high, strict=True)
+    return tuple(min(max(number, low), high) for number, low, high in ends)

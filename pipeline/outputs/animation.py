@@ -1,4 +1,4 @@
-"""Loops: an object that turns in front of the camera, or a light that moves from side to side and back."""
+"""Loops: an object that turns before the camera, a camera around it, or a light from side to side and back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from z2p_core.camera import turn
 from z2p_core.images import (
     bytes_from_unit,
     premultiplied_from_straight,
@@ -17,13 +16,12 @@ from z2p_core.images import (
 )
 from z2p_core.interfaces import SettingError, Value
 from z2p_core.placement.margin import without_margin
-from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.surface.mls_smoothing import smooth_cloud
 from z2p_renderer.pipeline.inference.look import Look
-from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_scan
+from z2p_renderer.pipeline.inference.prepared_render import PreparedRender, fixed_to_object
+from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_prepared, render_scan
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
-from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.pipeline.placement.place_scan import select_points
 from z2p_renderer.storage.scans.clouds import Scan
 
@@ -36,7 +34,8 @@ class Motion:
     """What moves in a loop, and in how many frames."""
 
     kind: str = "turn"
-    """``turn``: the object, once around, counter-clockwise from above; ``light``: the light, right, left and back."""
+    """``turn``: the object, once around, counter-clockwise from above; ``orbit``: the light turns with it, as if
+    the camera went around both; ``light``: the light, right, left and back."""
     frames: int = 48
     steady: int = 1
     """Number of pictures averaged into each frame, spread evenly over the time of the frame (motion blur)."""
@@ -62,17 +61,12 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
         SettingError: the light is to move, but the weights do not have the control 'light'.
     """
     renderer = opening.renderer
-    if motion.kind == "light" and "light" not in renderer.controls:
+    if motion.kind != "turn" and "light" not in renderer.controls:
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
-    points = select_points(scan, suffix, look.placement_options).points  # selected and smoothed once for all frames
-    if opening.placement.smoothing_radius:
-        base = without_margin(opening.viewpoint, look.frame_margin)  # whose radius the smoothing radius is relative to
-        points = base.unplace(smooth_cloud(base.place(points), opening.placement.smoothing_radius))
-    scan = replace(scan, points=points)
-    look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0))
+    prepared = _prepare(opening, scan, suffix, look)
     scale = opening.coloring.scale if opening.coloring is not None and look.color_options.color_bar else None
     look = replace(look, color_options=replace(look.color_options, color_bar=False))  # drawn after the crop
-    frames = (_render_frame(renderer, scan, suffix, look, motion, opening, number) for number in range(motion.frames))
+    frames = (_render_frame(prepared, look, motion, opening, number) for number in range(motion.frames))
     if look.tight:
         drawn = list(frames)
         box = content_box(np.max([frame[..., 3] for frame in drawn], axis=0), look.margin)
@@ -85,32 +79,40 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
     yield from (draw_onto(frame, scale, look.background) for frame in frames)
 
 
+def _prepare(opening: RenderedScan, scan: Scan, suffix: str, look: Look) -> PreparedRender:
+    """The scan as the opening places it, selected and smoothed once for all frames."""
+    points = select_points(scan, suffix, look.placement_options).points
+    if opening.placement.smoothing_radius:
+        base = without_margin(opening.viewpoint, look.frame_margin)  # whose radius the smoothing radius is relative to
+        points = base.unplace(smooth_cloud(base.place(points), opening.placement.smoothing_radius))
+    cloud, floor = opening.viewpoint.place(points), opening.viewpoint.floor
+    if floor is not None:
+        floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
+    colors = None if opening.coloring is None else opening.coloring.place(opening.viewpoint)
+    return opening.renderer.prepare(cloud, floor, colors)
+
+
 def _render_frame(
-    renderer: AnyRenderer, scan: Scan, suffix: str, look: Look, motion: Motion, opening: RenderedScan, number: int
+    prepared: PreparedRender, look: Look, motion: Motion, opening: RenderedScan, number: int
 ) -> np.ndarray:
     """One frame: the mean, with premultiplied alpha, of `motion.steady` pictures around its time."""
     offsets = [(index + 0.5) / motion.steady - 0.5 for index in range(motion.steady)]
     pictures = []
     for offset in offsets:
-        time = (number + offset) / motion.frames
-        values, viewpoint = _settings_at(look.values, opening, motion.kind, time)
-        placement_options = replace(look.placement_options, viewpoint=viewpoint, azimuth=0.0)
-        # no margin: the opening's viewpoint includes it
-        shown = replace(look, values=values, placement_options=placement_options, tight=False, margin=None)
-        pictures.append(render_scan(renderer, scan, suffix, shown).picture)
+        values, azimuth = _settings_at(opening, motion.kind, (number + offset) / motion.frames)
+        pictures.append(render_prepared(prepared, values, look, azimuth))
     if len(pictures) == 1:
         return pictures[0]
     mean = np.mean([premultiplied_from_straight(unit_from_bytes(picture)) for picture in pictures], axis=0)
     return bytes_from_unit(straight_from_premultiplied(mean))
 
 
-def _settings_at(
-    controls: dict[str, Value], opening: RenderedScan, kind: str, time: float
-) -> tuple[dict[str, Value], Viewpoint]:
-    """Control settings and viewpoint at a time from 0 to 1, the share of the loop that has passed."""
+def _settings_at(opening: RenderedScan, kind: str, time: float) -> tuple[dict[str, Value], float]:
+    """Values of controls, and by how many degrees the object is turned, at a time from 0 to 1, the loop's share."""
+    values, turned = opening.values, 360.0 * time
     if kind == "turn":
-        rotation = turn(360.0 * time) @ np.array(opening.viewpoint.rotation)
-        return controls, replace(opening.viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()))
-    radius, _, height = opening.values["light"]
-    azimuth = LIGHT_SWING_DEGREES * math.sin(2 * math.pi * time)
-    return {**controls, "light": (radius, azimuth, height)}, opening.viewpoint
+        return values, turned
+    if kind == "orbit":
+        return {**values, "light": fixed_to_object(values["light"], turned)}, turned
+    radius, _, height = values["light"]
+    return {**values, "light": (radius, LIGHT_SWING_DEGREES * math.sin(2 * math.pi * time), height)}, 0.0

@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 
-from z2p_core.linalg import bounding_box, rotate_points
+from z2p_core.linalg import bounding_box, dot_axis, rotate_points
 from z2p_core.placement.depth_camera import MILLIMETRES, implied_sensor
 from z2p_core.placement.outliers import outlier_sample
-from z2p_core.placement.room_detection import is_room
+from z2p_core.placement.room_detection import ROOM_HEIGHT_METRES, is_room
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.surface.subsampling import subsample_uniform
 from z2p_core.up_axis.choose import UpChoice
@@ -24,6 +24,8 @@ LOW_FLOOR_HINT = "the camera's floor lies far below it: leave floor out for each
 
 MIN_POINTS_FOR_SHAPE = 100
 """Smallest cloud whose shape is examined."""
+MAX_ROOM_SAMPLE = 200_000
+"""A larger cloud is judged to be a room by this many of its points."""
 MIN_POINTS_FOR_STEPS = 1000
 """Smallest cloud whose axes are tested for rounding, and the number of points that are tested."""
 MAX_STEPS = 60
@@ -74,9 +76,11 @@ def _other_axis_hint(up: UpChoice) -> str:
 
 def _shape_hint(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) -> str:
     """The hint to which the shape of points (N, 3) leads, or an empty one."""
-    upright_points = rotate_points(points, up.rotation)
-    if whole and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
-        return ROOM_HINT
+    if whole and np.ptp(dot_axis(points, up.rotation[2])) >= ROOM_HEIGHT_METRES[0]:
+        some = points if len(points) <= MAX_ROOM_SAMPLE else subsample_uniform(points, MAX_ROOM_SAMPLE)
+        upright_points = rotate_points(some, up.rotation)
+        if is_room(upright_points) or is_room(upright_points / MILLIMETRES):
+            return ROOM_HINT
     if by_itself and up.sensor is None and implied_sensor(points, (MILLIMETRES,)):
         return MILLIMETRES_HINT
     return _rounding_hint(points) if up.sensor is None else ""

@@ -16,8 +16,8 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.interfaces import GBuffer, PointColors
-from z2p_core.linalg import rotate_points, row_dots
+from z2p_core.interfaces import GBuffer, PointColors, PreparedCloud
+from z2p_core.linalg import rotate_points
 from z2p_core.parallel import parallel_rows, run_async
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
@@ -38,6 +38,8 @@ from z2p_core.shading.surfels import make_surfels
 from z2p_core.shading.textured_light import surface_albedo, textured_radiance
 from z2p_core.surface.normals import SurfacePoints, estimate_surface
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
+from z2p_core.surface.viewer_facing import face_viewer, line_direction
+from z2p_renderer.plugins.gbuffers._detail import Detail, DetailShader, visible_detail
 
 BLENDING = native.Blending(blend_depth_radii=0.7, coverage_gain=15.0, full_weight=2.7)
 """Coverage is low where only a disc's rim is; density is 1 within a surface and about a third of that at its border."""
@@ -49,8 +51,6 @@ ONE_SET_MAX_SIDE = 600
 """Longer side of an image up to which one set of light samples casts the floor's shadow, in pixels."""
 TWO_SETS_MAX_SIDE = 900
 """Side up to which two sets do; for larger images there are four, as the steps in a penumbra grow with the image."""
-MAX_LINE_WIDTH = 1e-5
-"""Width of a cloud over its length up to which it is a line: normals are then undefined around it."""
 HOLE_RIM_POINTS = 4
 """Points at the rim of a hole whose mean color its surfel gets."""
 GREY_ALBEDO = 0.5
@@ -139,6 +139,29 @@ class Texture:
     relative: np.ndarray
 
 
+@dataclass(frozen=True)
+class SurfelGeometry:
+    """A cloud's surface as it is drawn: it depends neither on the camera nor on the light."""
+
+    surface: SurfacePoints
+    spacing: float
+    """Median distance between neighboring points, in world units."""
+    surfels: SurfacePoints
+    """M surfels: the surface's N points, then those that close holes."""
+    radii: np.ndarray
+    """(M,) float32, of the surfels, in world units."""
+
+
+@dataclass(frozen=True)
+class SeenPoints:
+    """Which points the points and the floor's cells see: it depends on the floor's height, not on the light."""
+
+    by_points: np.ndarray
+    """(2 A, N) int32, see `begin_point_visibility`."""
+    by_floor: np.ndarray
+    """(A, 2, N) int32, see `begin_floor_visibility`."""
+
+
 class Surfels(GBuffer):
     """Ten channels (`z2p_core.shading.channels.GBufferChannel`): coverage, density, depth, normal, radiance, shadow.
 
@@ -168,6 +191,16 @@ class Surfels(GBuffer):
         relative[3] = out[GBufferChannel.COVERAGE]
         return relative
 
+    def prepare(self, cloud: np.ndarray, colors: PointColors | None = None) -> PreparedCloud:
+        if not len(cloud):
+            return super().prepare(cloud, colors)
+        from z2p_renderer.plugins.gbuffers._prepared_surfels import PreparedSurfels  # late: it is built on this module
+
+        geometry = self.make_geometry(cloud)
+        if line_direction(geometry.surface.points) is not None:  # whose normals depend on the camera
+            return super().prepare(cloud, colors)
+        return PreparedSurfels(self, cloud, geometry, colors)
+
     def _draw(
         self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription, texture: Texture | None
     ) -> None:  # fmt: skip
@@ -180,38 +213,79 @@ class Surfels(GBuffer):
             out.fill(0)
             return
         quality = self.quality
-        surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), quality.use_normal_gnn)
-        spacing = max(float(np.median(surface.spacing)), MIN_SPACING)
+        surface, spacing = self.estimate(cloud)
         floor_height = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
-        lit = light_scene(surface, spacing, camera, scene, floor_height)
+        normals = face_viewer(surface.points, surface.normals, camera.position)
+        lit = light_scene(surface, normals, spacing, scene, floor_height)
         point_visibility = begin_point_visibility(lit, quality)
         floor_visibility = begin_floor_visibility(lit, quality)
 
-        surfels, radii = make_surfels(surface, spacing)
-        use_discs = quality.use_disc_shadows and is_sparse(lit.spacing)
-        casters = shadow_casters(lit.points, lit.spacing, surfels, radii, use_discs)
+        geometry = SurfelGeometry(surface, spacing, *make_surfels(surface, spacing))
+        casters = self.casters(geometry, lit.spacing)
         direct = direct_radiance(lit, casters)
-        occlusion = floor_occlusion(
-            lit.points, lit.spacing, casters, lit.light, lit.floor.height, light_sample_sets(camera), use_discs,
-            quality.floor_sky_directions,
-        )  # fmt: skip
-        discs = project_surfels(surfels, radii, camera)
+        occlusion = self.occlude_floor(lit, casters, light_sample_sets(camera))
+        colors = None if texture is None else texture.colors
+        detail = visible_detail(cloud, surface, spacing, camera, colors)
+        discs = project_surfels(geometry, detail, camera)
+        seen = SeenPoints(point_visibility.result(), floor_visibility.result())
+        bounced = bounce_light(lit, direct, occlusion, seen.by_points, seen.by_floor, quality)
+        albedo = None if colors is None else surface_albedo(surface, colors)
+        field = LightField(lit, direct, occlusion, bounced)
+        self.draw_lit(out, geometry, detail, discs, field, seen, camera, scene, albedo, None if texture is None else
+                      texture.relative)  # fmt: skip
 
-        seen_by_points, seen_by_floor = point_visibility.result(), floor_visibility.result()
-        bounced = bounce_light(lit, direct, occlusion, seen_by_points, seen_by_floor, quality)
-        albedo = None if texture is None else surface_albedo(surface, texture.colors)
+    def estimate(self, cloud: np.ndarray) -> tuple[SurfacePoints, float]:
+        """The surface of a cloud (N, 3), N >= 1, and its median spacing."""
+        surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), self.quality.use_normal_gnn)
+        return surface, max(float(np.median(surface.spacing)), MIN_SPACING)
+
+    def make_geometry(self, cloud: np.ndarray) -> SurfelGeometry:
+        """All of a cloud (N, 3), N >= 1, that depends neither on the camera nor on the light."""
+        surface, spacing = self.estimate(cloud)
+        return SurfelGeometry(surface, spacing, *make_surfels(surface, spacing))
+
+    def casters(self, geometry: SurfelGeometry, spacing: float) -> native.ShadowCasters:
+        """What casts the shadows of the geometry, where light takes its spacing to be that."""
+        points, use_discs = geometry.surface.points, self.quality.use_disc_shadows and is_sparse(spacing)
+        return shadow_casters(points, spacing, geometry.surfels, geometry.radii, use_discs)
+
+    def occlude_floor(
+        self, lit: LightScene, casters: native.ShadowCasters, sets: int, sky: np.ndarray | None = None
+    ) -> FloorOcclusion:  # fmt: skip
+        """How much light the points hide from the floor; `sky`, if given, is the sky's, of another light's result."""
+        use_discs = self.quality.use_disc_shadows and is_sparse(lit.spacing)
+        return floor_occlusion(
+            lit.points, lit.spacing, casters, lit.light, lit.floor.height, sets, use_discs,
+            self.quality.floor_sky_directions, sky,
+        )  # fmt: skip
+
+    def draw_lit(
+        self, out: np.ndarray, geometry: SurfelGeometry, detail: Detail | None, discs: native.Discs, field: LightField,
+        seen: SeenPoints, camera: Camera, scene: SceneDescription, albedo: np.ndarray | None,
+        colors_out: np.ndarray | None,
+    ) -> None:  # fmt: skip
+        """The last phase: shades and draws discs whose light is known, and the floor's shadow on the second core.
+
+        The discs are the geometry's, or those of a dense cloud's `detail`. With an `albedo` (N, 3) of the geometry's
+        points, the relative radiance is drawn into `colors_out` (3, H, W).
+        """
+        lit, bounced = field.scene, field.bounced
+        neighbors = (geometry if detail is None else detail).surfels.neighbors
         color = base_color(scene) if albedo is None else albedo
-        shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, color, out)
-        shader = self.shader(LightField(lit, direct, occlusion, bounced), scene)
-        if texture is None or albedo is None:
-            rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED])
+        shadow = run_async(self._draw_shadow, lit, field.occlusion, bounced, seen.by_floor, camera, color, out)
+        shader = self.shader(field, scene)
+        if detail is not None:
+            shader = DetailShader(shader, detail, geometry.surface, field, seen.by_points, self.quality, camera)
+        if albedo is None:
+            rasterize(discs, neighbors, shader, camera, out[RASTERIZED])
         else:
             sent = shader.total_albedo(albedo)
-            radiance = textured_radiance(lit, bounced, sent, seen_by_points, seen_by_floor, quality)
+            radiance = textured_radiance(lit, bounced, sent, seen.by_points, seen.by_floor, self.quality)
             relative = shader.relative_radiance(camera.position, radiance)
-            values = (fill_holes(value, surfels.neighbors) for value in (albedo, *relative))
-            textures = native.fit_disc_textures(discs, surfels.neighbors, *values)
-            rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED], textures, texture.relative)
+            own = albedo if detail is None or detail.albedo is None else detail.albedo
+            values = (fill_holes(value, neighbors) for value in (own, *relative))
+            textures = native.fit_disc_textures(discs, neighbors, *values)
+            rasterize(discs, neighbors, shader, camera, out[RASTERIZED], textures, colors_out)
         shadow.result()
 
     def shader(self, light: LightField, scene: SceneDescription) -> MaterialShader:
@@ -237,8 +311,7 @@ class Surfels(GBuffer):
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
         coverage, shadow = features[GBufferChannel.COVERAGE], features[GBufferChannel.SHADOW]
-        drawn_points = max(min(points, MAX_SURFACE_POINTS), 1)
-        pixel_spacing = math.sqrt(PIXEL_AREA_PER_POINT * float(coverage.sum()) / drawn_points)
+        pixel_spacing = math.sqrt(PIXEL_AREA_PER_POINT * float(coverage.sum()) / max(points, 1))
         share = min(BLEND_SHARE_PER_PIXEL * (MAX_BLEND_SPACING - pixel_spacing), MAX_BLEND_SHARE)
         if share > 0:
             native.blend_towards(picture, coverage, features[RADIANCE_RGB], share, MAX_COLOR_SHIFT)
@@ -246,14 +319,13 @@ class Surfels(GBuffer):
 
 
 def light_scene(
-    surface: SurfacePoints, spacing: float, camera: Camera, scene: SceneDescription, floor: float
+    surface: SurfacePoints, normals: np.ndarray, spacing: float, scene: SceneDescription, floor: float
 ) -> LightScene:  # fmt: skip
-    """The surface's points under the scene's light, facing the camera, above a floor at that height.
+    """The surface's points with these normals (N, 3) under the scene's light, above a floor at that height.
 
     Shadows take the cloud to be as sparse as its sparser regions, so that they stay closed there.
     """
     sparse_spacing = SPARSE_SPACING_SHARE * float(np.quantile(surface.spacing, SPARSE_QUANTILE))
-    normals = face_viewer(surface.points, surface.normals, camera.position)
     return LightScene.create(surface.points, normals, max(spacing, sparse_spacing), scene, floor)
 
 
@@ -263,8 +335,13 @@ def light_sample_sets(camera: Camera) -> int:
     return 1 if side <= ONE_SET_MAX_SIDE else 2 if side <= TWO_SETS_MAX_SIDE else 4
 
 
-def project_surfels(surfels: SurfacePoints, radii: np.ndarray, camera: Camera) -> native.Discs:
-    """The surfels as the camera sees them: lowered to the curved surface on average, and clipped where it bends."""
+def project_surfels(geometry: SurfelGeometry, detail: Detail | None, camera: Camera) -> native.Discs:
+    """The surfels as the camera sees them: lowered to the curved surface on average, and clipped where it bends.
+
+    They are the geometry's, or those of a dense cloud's `detail`.
+    """
+    drawn = geometry if detail is None else detail
+    surfels, radii = drawn.surfels, drawn.radii
     rotation = camera.rotation.astype(np.float32)
     normals = face_viewer(surfels.points, surfels.normals, camera.position)
     centers = native.offset_disc_centers(surfels.points, normals, radii, surfels.neighbors)
@@ -308,27 +385,3 @@ def fill_holes(values: np.ndarray, neighbors: np.ndarray) -> np.ndarray:
     """
     rim = neighbors[len(values) :, :HOLE_RIM_POINTS]
     return np.concatenate([values, values[rim].mean(axis=1)])
-
-
-def line_direction(points: np.ndarray) -> np.ndarray | None:
-    """Direction (3,) float32 of the line on which all points (N, 3) lie: 0 for a single point, None without one."""
-    if len(points) < 2:
-        return np.zeros(3, np.float32)
-    offsets = (points - points[0]).astype(np.float64)
-    squared_extents, axes = np.linalg.eigh(offsets.T @ offsets)
-    is_line = squared_extents[1] <= MAX_LINE_WIDTH**2 * squared_extents[2]
-    return axes[:, 2].astype(np.float32) if is_line else None
-
-
-def face_viewer(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:
-    """Normals (N, 3) of points (N, 3), flipped where they point away from the viewer (3,).
-
-    On a line, where any normal across it will do, they are turned towards the viewer as far as possible.
-    """
-    line = line_direction(points)
-    if line is not None:
-        view = viewer.astype(np.float32) - points
-        view -= (view @ line)[:, None] * line
-        return view / np.maximum(np.linalg.norm(view, axis=1, keepdims=True), 1e-6)
-    faces_away = row_dots(points - viewer.astype(np.float32), normals) > 0
-    return normals * np.where(faces_away, np.float32(-1), np.float32(1))[:, None]

@@ -12,6 +12,7 @@ import numpy as np
 
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.errors.messages import error_reason
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.point_fields import BLACK_NOTE, UNUSABLE_NOTE, FieldPlan, plan_fields
@@ -25,7 +26,7 @@ class E57(Reader):
     """ASTM E2807 (pye57, an extra)."""
 
     name = "e57"
-    version = "3"
+    version = "4"
     takes_columns = False
     packages = ("pye57",)
     suffixes = (".e57",)
@@ -36,7 +37,8 @@ class E57(Reader):
         The library is not used for it: it would run in this process.
         """
         counts = _POINT_COUNT.findall(_read_description(path))
-        return MEMORY_A_POINT * sum(map(int, counts))
+        count = sum(map(int, counts))
+        return MEMORY_A_POINT * count if count <= MAX_ROWS else MEMORY_A_POINT * MAX_ROWS + 2 * BLOCK_BYTES
 
     def is_fragile(self, path: Path) -> bool:
         """Every file: the library is written in C++ and hardly checks a file's contents."""
@@ -54,7 +56,9 @@ class E57(Reader):
             names = scans.attribute_names(file)
             plan = plan_fields([name.removeprefix("nor:") for name in names], self.wants)
             wanted = [names[column] for column in plan.columns]
-            parts = [_Part(*scans.read_scan(file, index, wanted)) for index in range(file.scan_count)]
+            count = sum(file.get_header(index).point_count for index in range(file.scan_count))
+            step, rng = max(-(-count // MAX_ROWS), 1), np.random.default_rng(0)
+            parts = [_Part(*scans.read_scan(file, index, wanted, step, rng)) for index in range(file.scan_count)]
             if "rgb" in plan.needed:
                 for index, part in enumerate(parts):
                     if set(scans.COLORS) <= part.values.keys():
@@ -63,7 +67,7 @@ class E57(Reader):
             raise _unreadable_error(error) from error
         finally:
             file.close()
-        cloud = _joined(parts, plan, names)
+        cloud = replace(_joined(parts, plan, names), total=count if step > 1 else None)
         return [replace(cloud, units={name: unit for name, unit in scans.UNITS.items() if name in cloud.field_names})]
 
 

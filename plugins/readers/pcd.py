@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import io
-import re
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from z2p_core.errors.messages import error_reason
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
 from z2p_core.rotations import quaternion_rotations
-from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.length_check import (
     MAX_TRAILING_BYTES,
     check_trailing_bytes,
     trailing_bytes_note,
 )
+from z2p_renderer.plugins.readers._helpers.pcd_binary import read_packed, read_rows, row_dtype, stack_float64
 from z2p_renderer.plugins.readers._helpers.point_fields import ArrayFields, plan_arrays
 
 _MAX_HEADER_BYTES = 1 << 16
@@ -26,17 +26,19 @@ _MAX_LZF_RATIO = 100
 """LZF expands 3 bytes to at most 264; a larger compression ratio in a header is false."""
 _FIELD_TYPES = frozenset({"F4", "F8", *(kind + size for kind in "IU" for size in "1248")})
 """Valid combinations of TYPE and SIZE."""
+_BLOCK_CHARACTERS = 1 << 22
+"""Text that is parsed at a time."""
 _PAGE_BYTES = 4096
 """Older versions of the Point Cloud Library pad binary files with zeros to whole memory pages of this size."""
 
 
 class Pcd(Reader):
-    """Point Cloud Library files (pypcd4)."""
+    """Point Cloud Library files (python-neo-lzf unpacks them)."""
 
     name = "pcd"
-    version = "6"
+    version = "7"
     takes_columns = False
-    packages = ("pypcd4",)
+    packages = ("python-neo-lzf",)
     suffixes = (".pcd",)
 
     def memory(self, path: Path) -> int:
@@ -51,7 +53,8 @@ class Pcd(Reader):
         if header.data == "ascii":
             return MEMORY_A_CHARACTER * size
         plausible = min(header.points, _MAX_LZF_RATIO * size)  # read refuses a false count
-        return 3 * size + plausible * MEMORY_A_POINT
+        unpacked = size + plausible * header.row_bytes if header.data != "binary" else min(size, 2 * BLOCK_BYTES)
+        return unpacked + min(plausible, MAX_ROWS) * MEMORY_A_POINT
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """The file's points, one cloud (N, 3) float64; pixels without depth stay in as NaN rows.
@@ -62,19 +65,17 @@ class Pcd(Reader):
         Raises:
             ScanError: no PCD file, no x, y, z, or a header that promises another size than the file has.
         """
-        blob = path.read_bytes()
-        header = _parse_header(blob)
-        body = blob[header.size :]
+        with path.open("rb") as file:
+            header = _parse_header(file.read(_MAX_HEADER_BYTES))
         if header.points == 0:
             return [np.empty((0, 3))]
         pose = _parse_viewpoint(header)
-        note = trailing_bytes_note(_check_size(header, body))
+        note = trailing_bytes_note(_check_size(header, path))
         plan = plan_arrays(header.widths, self.wants)
-        is_ascii = header.data == "ascii"
-        blob = _normalized_ascii(header, body, plan.arrays) if is_ascii else _normalized_header(header) + body
-        points, columns = _load_points(header, blob, plan)
+        points, columns = (_load_ascii if header.data == "ascii" else _load_binary)(header, path, plan)
         sensor = None if pose is None else _turn_to_points(pose, points)
-        return [plan.fill(RawCloud(points, sensor, note=note), columns)]
+        total = header.points if len(points) < header.points else None
+        return [plan.fill(RawCloud(points, sensor, total, note), columns)]
 
 
 @dataclass(frozen=True)
@@ -147,8 +148,10 @@ def _check_field_types(names: list[str], entries: dict[str, list[str]]) -> None:
     """Raises ScanError if a field has a combination of TYPE and SIZE that PCD does not define."""
     for name, kind, each in zip(names, entries["TYPE"], entries["SIZE"], strict=True):
         if kind + each not in _FIELD_TYPES:
-            raise ScanError(f"the PCD field {name} has TYPE {kind} and SIZE {each}, expected F of 4 or 8 bytes, or I "
-                            "or U of 1, 2, 4 or 8; export the file again")
+            raise ScanError(
+                f"the PCD field {name} has TYPE {kind} and SIZE {each}, expected F of 4 or 8 bytes, or I "
+                "or U of 1, 2, 4 or 8; export the file again"
+            )
 
 
 def _normalize_fields(entries: dict[str, list[str]]) -> tuple[list[str], dict[str, str]]:
@@ -202,84 +205,116 @@ def _turn_to_points(sensor: Sensor, points: np.ndarray) -> Sensor:
     return sensor
 
 
-def _check_size(header: _Header, body: bytes) -> int:
+def _check_size(header: _Header, path: Path) -> int:
     """The number of trailing bytes behind binary points.
 
     Raises:
         ScanError: the file's size does not fit what its header promises.
     """
-    full = header.points * header.row_bytes
+    full, size = header.points * header.row_bytes, path.stat().st_size - header.size
     promise = f"the PCD header promises {header.points} points of {header.row_bytes} bytes ({header.data})"
     match header.data:
         case "ascii":
-            fits = len(body) >= header.points * header.numbers_per_row * 2 - 1
+            fits = size >= header.points * header.numbers_per_row * 2 - 1
         case "binary":  # a field that the header has lost is a byte a point at least
-            if full < len(body) < full + _PAGE_BYTES and not any(body[full:]):
+            if full < size < full + _PAGE_BYTES and not any(_read_part(path, header.size + full, size - full)):
                 return 0
-            return check_trailing_bytes(promise, full, len(body), min(header.points - 1, MAX_TRAILING_BYTES))
+            return check_trailing_bytes(promise, full, size, min(header.points - 1, MAX_TRAILING_BYTES))
         case "binary_compressed" | "binaryscompressed":
-            packed, unpacked = struct.unpack("<II", body[:8]) if len(body) >= 8 else (0, 0)
-            fits = 0 < packed <= len(body) - 8 and unpacked == full and unpacked <= _MAX_LZF_RATIO * packed
+            packed, unpacked = struct.unpack("<II", _read_part(path, header.size, 8)) if size >= 8 else (0, 0)
+            fits = 0 < packed <= size - 8 and unpacked == full and unpacked <= _MAX_LZF_RATIO * packed
         case _:
             raise ScanError(f"PCD data is ascii, binary or binary_compressed, got {header.data!r}; export it again")
     if not fits:
-        raise ScanError(f"{promise}, which {len(body)} bytes do not hold; the file is cut short or its header is "
-                        "wrong: export it again")
+        raise ScanError(
+            f"{promise}, which {size} bytes do not hold; the file is cut short or its header is wrong: export it again"
+        )
     return 0
 
 
-def _normalized_ascii(header: _Header, body: bytes, fields: tuple[str, ...]) -> bytes:
-    """The cloud as an ascii PCD with x, y, z and `fields`, and single blanks: the library's parser reads nothing else.
+def _read_part(path: Path, start: int, size: int) -> bytes:
+    with path.open("rb") as file:
+        file.seek(start)
+        return file.read(size)
 
-    All are written as float64, which holds integers of 4 bytes as they are.
+
+def _load_binary(header: _Header, path: Path, plan: ArrayFields) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Points (M, 3) float64, and the planned fields, of a file whose size has been checked; very many are subsampled.
+
+    Raises:
+        ScanError: the packed data are damaged.
     """
-    rows = [line.split() for line in body.splitlines() if line.strip()]
-    if len(rows) != header.points:
-        raise ScanError(f"the PCD header promises {header.points} points, {len(rows)} lines came; export it again")
-    counts = [int(word) for word in header.entries["COUNT"]]
-    names = ["x", "y", "z", *(header.given[name] for name in fields)]
-    where = [header.entries["FIELDS"].index(name) for name in names]
-    columns = [sum(counts[:field]) + part for field in where for part in range(counts[field])]
-    for number, row in enumerate(rows, start=1):
-        if len(row) != header.numbers_per_row:
-            raise ScanError(f"PCD point {number}: expected {header.numbers_per_row} numbers, got {len(row)}; export it "
-                            "again")
-    entries = {"FIELDS": names, "SIZE": ["8"] * len(names), "TYPE": ["F"] * len(names),
-               "COUNT": [str(counts[field]) for field in where]}  # fmt: skip
-    lines = (b" ".join(row[column] for column in columns) for row in rows)
-    return _normalized_header(replace(header, entries=entries)) + b"\n".join(lines)
-
-
-def _normalized_header(header: _Header) -> bytes:
-    """The header in PCD 0.7: the library cannot read comments, older versions or a missing COUNT."""
-    fields = [f"{key} {' '.join(header.entries[key])}" for key in ("FIELDS", "SIZE", "TYPE", "COUNT")]
-    count = [f"WIDTH {header.points}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {header.points}"]
-    return "\n".join(["VERSION 0.7", *fields, *count, f"DATA {header.data}", ""]).encode()
-
-
-def _load_points(header: _Header, blob: bytes, plan: ArrayFields) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Points (N, 3) float64, and the planned fields, of a file whose size has been checked."""
-    library = import_lazily("pypcd4")
+    entries = header.entries
+    kinds = [kind.lower() + size for kind, size in zip(entries["TYPE"], entries["SIZE"], strict=True)]
+    row = row_dtype(entries["FIELDS"], kinds, [int(word) for word in entries["COUNT"]])
+    wanted = [*"xyz", *(header.given[name] for name in plan.arrays)]
+    read = read_rows if header.data == "binary" else read_packed
     try:
-        rows = np.atleast_1d(library.PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(blob))).pc_data)
-        points = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
-        fields = {name: _field_values(rows, header, name) for name in plan.arrays}
+        columns = read(path, header.size, row, header.points, wanted, np.random.default_rng(0), MAX_ROWS)
     except Exception as error:  # the library raises errors of any type on damaged files
         raise ScanError(f"the PCD points cannot be read ({error_reason(error)}); export the file again") from error
-    if points.shape != (header.points, 3):
-        raise ScanError(f"expected {header.points} PCD points, got an array {points.shape}; export the file again")
-    return points, fields
+    points = stack_float64([columns[axis] for axis in "xyz"])
+    return points, {name: columns[header.given[name]] for name in plan.arrays}
 
 
-def _field_values(rows: np.ndarray, header: _Header, name: str) -> np.ndarray:
-    """The values (N,) or (N, COUNT) of a field; integers of ascii files are made such again."""
-    key = header.given[name]
-    names = rows.dtype.names or ()
-    parts = [rows[part] for part in names if part == key or re.fullmatch(rf"{key}_+\d+", part)]
-    values = parts[0] if len(parts) == 1 else np.column_stack(parts)
-    place = header.entries["FIELDS"].index(key)
-    kind = np.dtype({"F": "f", "I": "i", "U": "u"}[header.entries["TYPE"][place]] + header.entries["SIZE"][place])
-    if header.data == "ascii" and kind.kind in "iu" and np.isfinite(values).all():
+def _load_ascii(header: _Header, path: Path, plan: ArrayFields) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Points (N, 3) float64, and the planned fields, of rows of numbers, read in blocks of lines.
+
+    Raises:
+        ScanError: another number of rows than promised, or a row with other numbers.
+    """
+    names = [*"xyz", *(header.given[name] for name in plan.arrays)]
+    counts = [int(word) for word in header.entries["COUNT"]]
+    starts = np.cumsum([0, *counts])
+    where = {name: header.entries["FIELDS"].index(name) for name in names}
+    spans = {name: range(starts[field], starts[field + 1]) for name, field in where.items()}
+    columns = [column for span in spans.values() for column in span]
+    table = _parse_rows(header, path, columns)
+    ends = np.cumsum([len(span) for span in spans.values()])
+    parts = dict(zip(names, np.split(table, ends[:-1], axis=1), strict=True))
+    fields = {name: _typed(header, where[header.given[name]], parts[header.given[name]]) for name in plan.arrays}
+    return np.ascontiguousarray(table[:, :3]), fields
+
+
+def _parse_rows(header: _Header, path: Path, columns: Sequence[int]) -> np.ndarray:
+    """Numbers (N, len(columns)) float64 of those columns of the rows."""
+    parts, came = [np.empty((0, len(columns)))], 0
+    with path.open("rb") as file:
+        file.seek(header.size)
+        while lines := file.readlines(_BLOCK_CHARACTERS):
+            rows = [line for line in lines if line.strip()]
+            parts.append(_parse_block(header, rows, columns, came) if rows else parts[0])
+            came += len(rows)
+    if came != header.points:
+        raise ScanError(f"the PCD header promises {header.points} points, {came} lines came; export it again")
+    return np.concatenate(parts)
+
+
+def _parse_block(header: _Header, rows: list[bytes], columns: Sequence[int], before: int) -> np.ndarray:
+    """Numbers of some rows, of which `before` others come first in the file."""
+    try:
+        table = np.loadtxt(rows, np.float64, comments=None, ndmin=2)
+        if table.shape[1] == header.numbers_per_row:
+            return table[:, list(columns)]
+    except ValueError:
+        pass  # the error below names the row, if it is one of another length
+    words = [row.split() for row in rows]
+    for number, row in enumerate(words, start=before + 1):
+        if len(row) != header.numbers_per_row:
+            raise ScanError(
+                f"PCD point {number}: expected {header.numbers_per_row} numbers, got {len(row)}; export it again"
+            )
+    try:
+        return np.array([[float(row[column]) for column in columns] for row in words])
+    except ValueError as error:
+        raise ScanError(f"the PCD points cannot be read ({error}); export the file again") from error
+
+
+def _typed(header: _Header, field: int, values: np.ndarray) -> np.ndarray:
+    """The values (N, C) of a field, (N,) if it has one component; integers of the text are made such again."""
+    values = values[:, 0] if values.shape[1] == 1 else values
+    kind = np.dtype(header.entries["TYPE"][field].lower() + header.entries["SIZE"][field])
+    if kind.kind in "iu" and np.isfinite(values).all():
         limits = np.iinfo(kind)
         values = np.clip(values, float(limits.min), float(limits.max)).astype(kind)
     return values

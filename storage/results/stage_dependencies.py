@@ -198,6 +198,7 @@ NOT_IN_FINGERPRINT: dict[str, str] = {
     "storage.files.atomic_write": "writes the bytes that it is given",
     "pipeline.child_process": "sets the environment in which Blender's process finds the code",
     "pipeline.evaluation.baselines": "draws the baselines beside the weights; its pictures have their own fingerprints",
+    "pipeline.evaluation.time_limit": "stops baselines that take too long, which their rows say, and changes no result",
     "z2p_core.native.source_digest": "finds the kernels and compares them with their sources",
     # only accept or refuse input
     "z2p_core.errors.value_limits": "refuses values, and changes none",

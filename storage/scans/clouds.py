@@ -12,6 +12,7 @@ import numpy as np
 from z2p_core.formats.geographic import metres_from_degrees
 from z2p_core.formats.tables.missing_values import measured_mask
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
+from z2p_core.linalg import bounding_box
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.meshes import Mesh, check_openable, read_mesh, write_cloud, write_mesh
 from z2p_renderer.storage.scans.duplicate_points import drop_duplicates
@@ -146,10 +147,10 @@ def scan_from_raw(raw: RawCloud, label: str) -> Scan:
     where = f"cloud {label}: " if label else ""
     if len(cloud) == 0:
         raise ScanError(f"{where}the cloud is empty; expected at least {MIN_POINTS} points")
-    finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
-    dropped = int(len(cloud) - finite.sum())
-    points, fields = cloud, dict(raw.fields)
-    if dropped:
+    points, fields, dropped = cloud, dict(raw.fields), 0
+    if not _are_all_finite(cloud):
+        finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
+        dropped = int(len(cloud) - finite.sum())
         points, fields = cloud[finite], _select_rows(fields, finite)
     if len(points) == 0:
         raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
@@ -157,7 +158,7 @@ def scan_from_raw(raw: RawCloud, label: str) -> Scan:
     if len(points) < MIN_POINTS:
         raise ScanError(f"{where}expected at least {MIN_POINTS} finite points, got {len(points)} of {len(cloud)}")
     points, fields, missing_note = _drop_missing(points, fields)
-    if not (points != points[0]).any():
+    if np.array_equal(*bounding_box(points)):
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     metres, degrees_note = metres_from_degrees(points) if raw.sensor is None else (points, "")
     if metres is not points and not (raw.up and raw.up_certain):
@@ -242,6 +243,12 @@ def _point_fields(raw: RawCloud, points: np.ndarray, fields: dict[str, np.ndarra
     if not names:
         return None
     return PointFields(points, fields, names, raw.class_names, raw.units, raw.color_kind)
+
+
+def _are_all_finite(cloud: np.ndarray) -> bool:
+    """Whether all coordinates of points (N, 3), N >= 1, are numbers below `MAX_COORDINATE`."""
+    low, high = bounding_box(cloud)
+    return bool((low > -MAX_COORDINATE).all() and (high < MAX_COORDINATE).all())  # nan compares as False
 
 
 def _select_rows(fields: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:

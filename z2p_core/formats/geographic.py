@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from z2p_core.linalg import bounding_box
+
 METRES_PER_DEGREE = 111_320.0
 """Length of a degree of latitude, and of longitude at the equator."""
 _MIN_HEIGHT_TO_WIDTH, _CERTAIN_HEIGHT_TO_WIDTH = 30.0, 1000.0
@@ -32,6 +34,8 @@ def metres_from_degrees(points: np.ndarray) -> tuple[np.ndarray, str]:
     Returns:
         The converted points, or `points` itself; and a note for the user, empty where there is nothing to say.
     """
+    if len(points) < _MIN_POINTS or not _are_away_on_globe(points):
+        return points, ""
     measured = points[points.any(1)]  # 0 0 0 stands for a missing measurement
     if len(measured) < _MIN_POINTS or not _could_be_degrees(measured):
         return points, ""
@@ -56,6 +60,13 @@ def project_degrees(points: np.ndarray) -> tuple[np.ndarray, str]:
         return points, ""
     middle = (finite.min(0) + finite.max(0)) / 2
     return _project(points, middle), f"longitude and latitude are laid out in metres; {PROJECTION_ADVICE}"
+
+
+def _are_away_on_globe(points: np.ndarray) -> bool:
+    """Whether x and y of points (N, 3) are in the range of degrees, and some far from 0: a fast test, before others."""
+    low, high = bounding_box(points)
+    largest = np.maximum(np.abs(low), np.abs(high))
+    return bool(largest[0] <= 180 and largest[1] <= _MAX_LATITUDE_DEGREES and largest[:2].max() >= _MIN_OFFSET_DEGREES)
 
 
 def _could_be_degrees(points: np.ndarray) -> bool:

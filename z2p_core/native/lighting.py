@@ -84,6 +84,17 @@ class FloorShadowView(ctypes.Structure):
     ]
 
 
+class FineScreen(ctypes.Structure):
+    """The C structure of that name (`c/lighting/fine_occlusion.c`)."""
+
+    _fields_ = [
+        ("width", ctypes.c_int),
+        ("height", ctypes.c_int),
+        ("focal", ctypes.c_float),
+        ("radius", ctypes.c_float),
+    ]
+
+
 FLOOR = Struct(FloorLight)
 
 declare(
@@ -106,6 +117,20 @@ declare(
 declare(
     "z2p_gather_colors", points=FLOATS, normals=FLOATS, count=INT, begin=INT, end=INT, axes=FLOATS, axis_count=INT,
     visible=INTS, floor=FLOOR, floor_irradiance=FLOATS, side=INT, radiance=FLOATS, indirect=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_gather_vectors", points=FLOATS, normals=FLOATS, count=INT, begin=INT, end=INT, axes=FLOATS, axis_count=INT,
+    visible=INTS, floor=FLOOR, light_occlusion=FLOATS, sky_occlusion=FLOATS, side=INT, radiance=FLOATS, albedo=FLOAT,
+    vectors=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_unshadowed_light", points=FLOATS, normals=FLOATS, begin=INT, end=INT, light_positions=FLOATS,
+    light_axes=FLOATS, light_powers=FLOATS, light_count=INT, irradiance=FLOATS_OUT,
+)  # fmt: skip
+declare("z2p_index_screen", points=FLOATS, count=INT, screen=Struct(FineScreen), index=INTS_OUT)
+declare(
+    "z2p_fine_occlusion", points=FLOATS, normals=FLOATS, begin=INT, end=INT, index=INTS, screen=Struct(FineScreen),
+    light=FLOATS, sky=FLOATS_OUT, direct=FLOATS_OUT,
 )  # fmt: skip
 declare(
     "z2p_floor_visibility", points=FLOATS, normals=FLOATS, count=INT, axes=FLOATS, axis_count=INT, floor_height=FLOAT,
@@ -279,6 +304,72 @@ def gather_environment(
         as_float32(sky_occlusion), len(sky_occlusion), radiance,
     )  # fmt: skip
     return radiance
+
+
+def gather_vectors(
+    points: np.ndarray, normals: np.ndarray, axes: np.ndarray, visible: np.ndarray, radiance: np.ndarray, albedo: float,
+    floor: Floor, light_occlusion: np.ndarray, sky_occlusion: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Vector irradiance (N, 3): its product with a unit normal near a point's own is the radiance for that normal.
+
+    That is the radiance of a white diffuse point by the sky, the floor that sky and area light light, and other points
+    that send `albedo` times the `radiance` (2, N). Other arguments are those of `gather_environment`.
+    """
+    vectors = np.empty((len(points), 3), np.float32)
+    _gather(
+        "z2p_gather_vectors", points, normals, axes, visible, floor.struct, as_float32(light_occlusion),
+        as_float32(sky_occlusion), len(sky_occlusion), as_float32(radiance), albedo, vectors,
+    )  # fmt: skip
+    return vectors
+
+
+def fine_occlusion(
+    points: np.ndarray, normals: np.ndarray, camera: Camera, light: np.ndarray, cells_per_pixel: float, radius: float
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Shares (N,) in [0, 1] of the sky, and of the light, that relief near a point leaves visible, as on the screen.
+
+    Args:
+        points: (N, 3), in camera axes, relative to the camera's position.
+        normals: (N, 3), unit length, facing the camera, in its axes.
+        camera: gives size and focal length of the screen.
+        light: (3,), the light's position in camera axes, relative to the camera's position.
+        cells_per_pixel: cells of the screen along a side of a pixel; few should hold no point.
+        radius: distance within which relief hides light, in world units.
+    """
+    width, height = (max(int(side * cells_per_pixel), 1) for side in (camera.width, camera.height))
+    screen = FineScreen(width, height, camera.focal * cells_per_pixel, radius)
+    cloud, index = (as_float32(points), as_float32(normals)), np.empty((height, width), np.int32)
+    call("z2p_index_screen", cloud[0], len(points), screen, index)
+    sky, direct = np.empty(len(points), np.float32), np.empty(len(points), np.float32)
+
+    def search(begin: int, end: int) -> None:
+        call("z2p_fine_occlusion", *cloud, begin, end, index, screen, as_float32(light), sky, direct)
+
+    parallel_rows(search, len(points))
+    return sky, direct
+
+
+def unshadowed_light(
+    points: np.ndarray, normals: np.ndarray, light_positions: np.ndarray, light_axes: np.ndarray,
+    light_powers: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Irradiance (N,) of points (N, 3) with unit normals (N, 3) under light samples that nothing hides.
+
+    Args:
+        points: (N, 3).
+        normals: (N, 3); the side that they point to is lit.
+        light_positions: (L, 3).
+        light_axes: (L, 3), unit length, along which samples emit.
+        light_powers: (L,).
+    """
+    irradiance = np.empty(len(points), np.float32)
+    arrays = [as_float32(array) for array in (points, normals, light_positions, light_axes, light_powers)]
+
+    def add_light(begin: int, end: int) -> None:
+        call("z2p_unshadowed_light", *arrays[:2], begin, end, *arrays[2:], len(light_powers), irradiance)
+
+    parallel_rows(add_light, len(points))
+    return irradiance
 
 
 def gather_indirect(

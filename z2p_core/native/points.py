@@ -3,24 +3,48 @@
 from __future__ import annotations
 
 import ctypes
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from z2p_core.camera import Camera
 from z2p_core.native.library import (
     FLOAT,
     FLOATS,
+    FLOATS_OR_NONE,
     FLOATS_OUT,
     INT,
+    INT64,
+    INT64S_OUT,
     INTS,
     INTS_OUT,
     Handle,
+    Struct,
     as_float32,
     call,
     declare,
     select_variant,
 )
 from z2p_core.parallel import parallel_rows
+
+MAX_BAND_CELLS = 1 << 21
+"""Cells of an image whose points are merged at a time, so that their sums take about 120 MB a core."""
+
+
+class CellGrid(ctypes.Structure):
+    """The C structure of that name (`c/points/visible_cells.c`)."""
+
+    _fields_ = [
+        ("width", ctypes.c_int),
+        ("height", ctypes.c_int),
+        ("first_row", ctypes.c_int),
+        ("last_row", ctypes.c_int),
+        ("focal", ctypes.c_float),
+        ("merge_depth", ctypes.c_float),
+    ]
+
 
 declare("z2p_grid_build", points=FLOATS, count=INT, sorted=FLOATS_OUT, grid=Handle("Grid**", is_output=True))
 declare("z2p_grid_free", grid=Handle("Grid*"))
@@ -49,9 +73,101 @@ declare(
     state_after=FLOATS_OUT, messages_after=FLOATS_OUT,
 )  # fmt: skip
 declare(
+    "z2p_merge_visible", points=FLOATS, values=FLOATS_OR_NONE, count=INT64, camera=FLOATS, grid=Struct(CellGrid),
+    front=FLOATS, front_width=INT, front_height=INT, per_front=FLOAT, merged=FLOATS_OUT, merged_values=FLOATS_OUT,
+    numbers=FLOATS_OUT, merged_count=INT64S_OUT,
+)  # fmt: skip
+declare(
+    "z2p_interpolate_values", positions=FLOATS, normals=FLOATS, neighbors=INTS, begin=INT, end=INT, neighbor_count=INT,
+    points=FLOATS, point_normals=FLOATS, values=FLOATS, value_count=INT, results=FLOATS_OUT,
+)  # fmt: skip
+declare(
     "z2p_projected_coverage", points=FLOATS, count=INT, turns=FLOATS, views=INT, tilt=FLOATS, side=INT,
     covered=INTS_OUT, breadth=FLOATS_OUT,
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MergedPoints:
+    """Means of the points in M cells of an image."""
+
+    points: np.ndarray
+    """(M, 3) float32."""
+    values: np.ndarray | None
+    """(M, 3) float32, the means of values of the points, if there were some."""
+    numbers: np.ndarray
+    """(M,) float32, how many points each is the mean of."""
+
+
+def merge_visible(
+    points: np.ndarray, values: np.ndarray | None, camera: Camera, cells_per_pixel: float, merge_depth: float,
+    front: np.ndarray,
+) -> MergedPoints:  # fmt: skip
+    """The points of a cloud that an image shows, joined where several lie in a cell of it. Their order does not matter.
+
+    Args:
+        points: (N, 3) float32, in world coordinates.
+        values: (N, 3), of the points; None for none.
+        camera: gives pose, size and focal length of the image.
+        cells_per_pixel: cells along a side of a pixel.
+        merge_depth: how far behind the nearest point of its cell a point may lie to count, in world units.
+        front: (h, w), depths over the image: a cell whose nearest point lies behind them is not shown.
+    """
+    width, height = (math.ceil(side * cells_per_pixel) for side in (camera.width, camera.height))
+    pose = as_float32(np.concatenate([camera.rotation.ravel(), camera.position]))
+    cloud = (as_float32(points), None if values is None else as_float32(values), len(points), pose)
+    bands = max(2, -(-width * height // MAX_BAND_CELLS))
+    parts: list[MergedPoints | None] = [None] * bands
+
+    def merge(first: int, last: int) -> None:
+        for band in range(first, last):
+            rows = (band * height // bands, (band + 1) * height // bands)
+            grid = CellGrid(width, height, *rows, camera.focal * cells_per_pixel, merge_depth)
+            most = min(len(points), (rows[1] - rows[0]) * width)
+            merged, merged_values = np.empty((max(most, 1), 3), np.float32), np.empty((max(most, 1), 3), np.float32)
+            numbers, count = np.empty(max(most, 1), np.float32), np.zeros(1, np.int64)
+            call(
+                "z2p_merge_visible", *cloud, grid, as_float32(front), front.shape[1], front.shape[0],
+                width / front.shape[1], merged, merged_values, numbers, count,
+            )  # fmt: skip
+            kept = slice(int(count[0]))
+            parts[band] = MergedPoints(
+                merged[kept], None if values is None else merged_values[kept], numbers[kept]
+            )  # fmt: skip
+
+    parallel_rows(merge, bands, smallest=2, parts=bands)
+    done = [part for part in parts if part is not None]
+    means = None if values is None else np.concatenate([part.values for part in done if part.values is not None])
+    return MergedPoints(
+        np.concatenate([part.points for part in done]), means, np.concatenate([part.numbers for part in done])
+    )
+
+
+def interpolate_values(
+    positions: np.ndarray, normals: np.ndarray, neighbors: np.ndarray, points: np.ndarray, point_normals: np.ndarray,
+    values: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Values (M, C) at positions (M, 3) on a surface, from those of neighboring points (N, 3) of it.
+
+    Args:
+        positions: (M, 3).
+        normals: (M, 3), unit length; neighbors with another normal weigh less.
+        neighbors: (M, K) int32, K <= 64, rows of the points nearest to each position, nearest first.
+        points: (N, 3).
+        point_normals: (N, 3), unit length.
+        values: (N, C), C <= 16.
+    """
+    results = np.empty((len(positions), values.shape[1]), np.float32)
+    arrays = as_float32(positions), as_float32(normals), np.ascontiguousarray(neighbors, np.int32)
+    surface = as_float32(points), as_float32(point_normals), as_float32(values)
+
+    def interpolate(begin: int, end: int) -> None:
+        call(
+            "z2p_interpolate_values", *arrays, begin, end, neighbors.shape[1], *surface, values.shape[1], results
+        )  # fmt: skip
+
+    parallel_rows(interpolate, len(positions))
+    return results
 
 
 class NeighborGrid:

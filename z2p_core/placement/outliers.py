@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.linalg import bounding_box
+from z2p_core.linalg import CHUNK_POINTS, bounding_box
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.isolated_points import non_isolated_mask
 from z2p_core.placement.point_balls import MIN_SURFACE_POINTS
@@ -226,9 +226,8 @@ def _cluster_indices(points: np.ndarray) -> np.ndarray:
     low, high = bounding_box(points)
     span = max(float((high - low).max()), MIN_SPAN)
     for cells in (24, 16, 12, 8, 6):
-        place = ((points - low) * (cells / span * (1 - 1e-9))).astype(np.int64)
         side = cells + 2  # an empty border, so that no neighbour wraps around
-        key = ((place[:, 0] + 1) * side + place[:, 1] + 1) * side + place[:, 2] + 1
+        key = _cell_keys(points, low, cells / span * (1 - 1e-9), side)
         count = np.bincount(key, minlength=side**3)
         if len(points) >= 4 * np.count_nonzero(count):
             break
@@ -242,4 +241,16 @@ def _cluster_indices(points: np.ndarray) -> np.ndarray:
         if np.array_equal(least, label[taken]):
             break
         label[taken] = least
-    return np.unique(label[key], return_inverse=True)[1]
+    number = np.zeros(side**3, dtype=np.int64)
+    number[taken] = np.unique(label[taken], return_inverse=True)[1]
+    indices: np.ndarray = number[key]
+    return indices
+
+
+def _cell_keys(points: np.ndarray, low: np.ndarray, scale: float, side: int) -> np.ndarray:
+    """The cell (N,) int32 of each of points (N, 3) in a grid of `side` cells along each axis, the first empty."""
+    keys = np.empty(len(points), np.int32)
+    for start in range(0, len(points), CHUNK_POINTS):
+        place = ((points[start : start + CHUNK_POINTS] - low) * scale).astype(np.int32)
+        keys[start : start + CHUNK_POINTS] = ((place[:, 0] + 1) * side + place[:, 1] + 1) * side + place[:, 2] + 1
+    return keys

@@ -18,7 +18,7 @@ from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
 from z2p_core.errors.value_limits import describe_value
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.linalg import rotate_points
-from z2p_core.placement.bounding_sphere import bounding_sphere
+from z2p_core.placement.framing_sphere import framing_sphere
 
 JSON_VERSION = 1
 """Version of the JSON format, raised when its meaning changes."""
@@ -83,7 +83,7 @@ def frame_points(points: np.ndarray, rotation: np.ndarray, elevation: float) -> 
     """
     if len(points) == 0:
         raise ScanError("expected points, got none; check the file")
-    sphere = bounding_sphere(points)
+    sphere = framing_sphere(points)
     if not MIN_LENGTH < sphere.radius < MAX_LENGTH:
         raise ScanError(f"expected points that span a finite volume, got {len(points)} within radius {sphere.radius:g}")
     return Viewpoint(sphere.centre, sphere.radius, tuple(tuple(row) for row in rotation.tolist()), elevation)

@@ -92,12 +92,13 @@ def shadow_casters(
 
 def floor_occlusion(
     points: np.ndarray, spacing: float, casters: native.ShadowCasters, light: tuple[float, float, float], height: float,
-    sets: int, use_discs: bool, sky_directions: int = FLOOR_SKY_DIRECTIONS,
+    sets: int, use_discs: bool, sky_directions: int = FLOOR_SKY_DIRECTIONS, sky: np.ndarray | None = None,
 ) -> FloorOcclusion:  # fmt: skip
     """How much light points (N, 3) of that spacing hide from a floor at that height; both cores work on it.
 
     The area light's shadow is that of the casters, which are sample points of discs if `use_discs`; `sets` (1, 2 or 4)
-    jittered sets of samples stand for it. The sky's is that of the points themselves.
+    jittered sets of samples stand for it. The sky's is that of the points themselves; it does not depend on the light,
+    so that `sky` of an earlier result for another light may be given, and is then taken over.
     """
     if use_discs:
         cells, eroded, ball = _cell_count(spacing / DISC_CELLS_PER_SPACING), 1.0, DISC_BALL_SPACINGS
@@ -112,9 +113,12 @@ def floor_occlusion(
     passes: list[Callable[[], np.ndarray]] = [
         partial(occlusion_of, positions) for positions in jittered_sample_sets(light, FLOOR_LIGHT_SAMPLES, sets)
     ]
-    passes += _sky_occlusion_passes(points, spacing, height, sky_directions)
-    *light_parts, first_sky, second_sky = parallel_map(passes)
-    sky = native.resample_grid((first_sky + second_sky) / np.float32(2), cells)
+    if sky is None:
+        passes += _sky_occlusion_passes(points, spacing, height, sky_directions)
+    parts = parallel_map(passes)
+    light_parts, sky_parts = parts[:sets], parts[sets:]
+    if sky is None:
+        sky = native.resample_grid((sky_parts[0] + sky_parts[1]) / np.float32(2), cells)
     return FloorOcclusion(sum(light_parts[1:], light_parts[0]) / np.float32(sets), sky)
 
 

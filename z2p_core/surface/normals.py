@@ -86,18 +86,20 @@ class LocalFit:
     """As in `SurfacePoints`."""
 
 
-def estimate_surface(cloud: np.ndarray, use_normal_gnn: bool = True) -> SurfacePoints:
+def estimate_surface(
+    cloud: np.ndarray, use_normal_gnn: bool = True, least_neighbors: int = MIN_NEIGHBORS
+) -> SurfacePoints:
     """Points, spacing and normals of the surface that a cloud (N, 3) samples, N >= 1.
 
     Args:
         cloud: points, float32 or convertible, in world units.
         use_normal_gnn: refine normals by the graph network and move points onto their patches; else points stay.
     """
-    fit, subsamplings = fit_local_patches(cloud), 0
+    fit, subsamplings = fit_local_patches(cloud, least_neighbors), 0
     while len(cloud) >= 3 * MIN_KEPT_POINTS and noise_exceeds_patch(fit):
         subsamplings += 1
         cloud = subsample_hashed(cloud, len(cloud) // 3, subsamplings * RESUBSAMPLE_SALT & 0xFFFFFFFF)
-        fit = fit_local_patches(cloud)
+        fit = fit_local_patches(cloud, least_neighbors)
     points, normals = fit.grid.points, fit.normals
     if use_normal_gnn and len(cloud) >= MIN_NEIGHBORS:
         patches, normals = native.refine_normals(
@@ -116,18 +118,20 @@ def noise_exceeds_patch(fit: LocalFit) -> bool:
     return residual_noise(fit.grid.points, neighbors) > SUBSAMPLE_NOISE_TO_SPACING * fit.median_spacing
 
 
-def fit_local_patches(cloud: np.ndarray) -> LocalFit:
+def fit_local_patches(cloud: np.ndarray, least_neighbors: int = MIN_NEIGHBORS) -> LocalFit:
     """Tangent planes, then jets, of a cloud (N, 3), N >= 1."""
     grid = native.NeighborGrid(cloud)
     all_indices = np.arange(len(cloud), dtype=np.int32)
-    neighbors, spacing = grid.neighbors(all_indices, MIN_NEIGHBORS)
+    neighbors, spacing = grid.neighbors(all_indices, least_neighbors)
     median = max(float(np.median(spacing)), 1e-9)
     probes = probe_indices(len(cloud))
     measurement = run_async(measure_noise, grid, probes, neighbors[probes], median)
     normals, _ = native.fit_planes(grid.points, neighbors)  # meanwhile: most clouds need no more neighbors
     noise = measurement.result()
     count = neighbor_count(noise / median)
-    if count > MIN_NEIGHBORS:
+    if count <= MIN_NEIGHBORS:
+        count = least_neighbors
+    else:
         neighbors, _ = grid.neighbors(all_indices, count)
         normals, _ = native.fit_planes(grid.points, neighbors)
     widening = np.float32(math.sqrt(count / MIN_NEIGHBORS))

@@ -47,8 +47,9 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
               help="Folder for the loops; or, for one cloud, the loop itself (.webp, .gif, .mp4).")
 @click.option("--format", "format_", default="webp", type=FileFormat(["webp", "gif", "mp4"], {}),
               help="Format of the loops in a folder. WebP keeps the transparency; MP4 needs the extra 'video'.")
-@click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
-              help="turn: the object turns once around; light: the light moves from side to side and back.")
+@click.option("--motion", default="turn", type=click.Choice(["turn", "orbit", "light"]),
+              help="turn: the object turns once around; orbit: the light turns with it, as if the camera went around; "
+              "light: the light moves from side to side and back.")
 @click.option("--frames", default=48, type=click.IntRange(2, 720), metavar="N", help="Number of frames.")
 @click.option("--fps", default=24.0, type=FiniteRange(1, 60), metavar="N",
               help="Frames per second; a GIF has at most 50.")
@@ -64,7 +65,7 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
 @click.option("--quiet", "-q", is_flag=True, help="Report failures only.")
 @click.pass_context
 def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: Any) -> None:
-    """Turn point clouds into loops: turntables and light sweeps.
+    """Turn point clouds into loops: turntables, orbits and light sweeps.
 
     \b
     z2p animate bunny.ply -o bunny.webp

@@ -26,8 +26,9 @@ def _split_names(context: click.Context, parameter: click.Parameter, text: str) 
 
 
 @click.command(context_settings={"show_default": True})
-@click.option("--meshes", required=True, type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder of meshes to render and to sample clouds from.")
+@click.option("--meshes", required=True, type=click.Path(path_type=Path), metavar="DIR",
+              help="Folder of meshes to render and to sample clouds from, or `detailed` for built-in ones of two "
+              "million triangles with fine relief.")
 @click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file.")
 @click.option("--engine", default="torch", metavar="NAME", help="Engine that runs the network; see `z2p plugins`.")
 @click.option("--output", "-o", required=True, type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
@@ -52,12 +53,14 @@ def _split_names(context: click.Context, parameter: click.Parameter, text: str) 
 @click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
 @click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split_names,
               help="Comma-separated baselines to compare with, as bpa,poisson,balls; see `z2p plugins`.")
+@click.option("--baseline-seconds", default=120.0, type=FiniteRange(min=0, min_open=True), metavar="S",
+              help="Seconds that a baseline may take for a cloud; then it is stopped, and the table says so.")
 @click.option("--textures", metavar="KINDS", default="", show_default=False, callback=_split_names,
               help="Comma-separated textures that meshes and clouds get, each in turn, as smooth,stripes,spots; see "
               "`z2p plugins`.  [default: one colour]")
 def evaluate(
     meshes: Path, weights: str, engine: str, output: Path, truth: Path | None, baseline: tuple[str, ...],
-    **options: Any,
+    baseline_seconds: float, **options: Any,
 ) -> None:
     """Measure weights against Blender renders of meshes.
 
@@ -67,7 +70,6 @@ def evaluate(
     from z2p_renderer.pipeline.evaluation.baselines import load_baselines
     from z2p_renderer.pipeline.evaluation.comparison_sheet import count_sheets
     from z2p_renderer.pipeline.outputs.contact_sheet import check_sheet_places
-    from z2p_renderer.storage.meshes import find_meshes
     from z2p_renderer.storage.models.checkpoints import find_weights
 
     if options["elevation"] == "random":
@@ -75,7 +77,8 @@ def evaluate(
     config = EvaluateConfig(**options)
     load_baselines(baseline)
     registry.load("engines", engine)
-    mesh_files, weights_file = find_meshes(meshes), find_weights(weights)
+    truth = truth or output / "truth"
+    mesh_files, weights_file = _find_meshes(meshes, truth), find_weights(weights)
     for texture in config.textures:
         registry.load("textures", texture)
     pictures = len(mesh_files) * config.views * config.seeds * max(1, len(config.textures))
@@ -86,13 +89,23 @@ def evaluate(
     try:
         from z2p_renderer.pipeline.evaluation.evaluate import evaluate as measure
 
-        measure(mesh_files, weights_file, output, config, truth or output / "truth", _print_progress, baseline, engine)
+        measure(mesh_files, weights_file, output, config, truth, _print_progress, baseline, engine, baseline_seconds)
     except SystemLibraryError as error:
         raise CommandError(str(error)) from error
     except ImportError as error:
         raise CommandError(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
     _print_means(json.loads((output / "metrics.json").read_text()))
     click.echo(f"written to {output}", err=True)
+
+
+def _find_meshes(meshes: Path, truth: Path) -> dict[str, Path]:
+    """Mesh files by name: those of a folder, or the built-in detailed ones, which are made below the truth's folder."""
+    from z2p_renderer.pipeline.detailed_meshes.objects import DETAILED, make_detailed_meshes
+    from z2p_renderer.storage.meshes import find_meshes
+
+    if meshes != Path(DETAILED) or meshes.is_dir():
+        return find_meshes(meshes)
+    return make_detailed_meshes(truth / "meshes")
 
 
 def _print_means(metrics: dict[str, Any]) -> None:
@@ -124,6 +137,10 @@ def _print_table(methods: dict[str, dict[str, Any]], title: str) -> None:
             if has_spread:
                 numbers.append(f"{'':>9}" if spread is None else f"+-{spread:7.4f}")
         click.echo(" ".join([f"{name:<16}", *numbers]))
+    for name, column in methods.items():
+        if "stopped" in column:
+            click.echo("{}: stopped after {after_seconds:g} s on {rows} of {of} clouds; its means are of the others"
+                       .format(name, **column["stopped"]))
 
 
 def _print_progress(line: str) -> None:

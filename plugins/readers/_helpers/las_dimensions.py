@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,30 @@ _LEGACY_CLASSES = range(13)
 _UNITS = {"gps_time": "s", "scan_angle": "degrees", "scan_angle_rank": "degrees"}
 _SCAN_ANGLE_STEP_DEGREES = 0.006
 """What one step of the scan angle of point formats 6 to 10 is."""
+_GROUPS = {"intensity": "INTENSITY", "scan_angle": "SCAN_ANGLE", "user_data": "USER_DATA", "gps_time": "GPS_TIME",
+           "point_source_id": "POINT_SOURCE_ID", "red": "RGB", "green": "RGB", "blue": "RGB", "nir": "NIR",
+           "wavepacket_index": "WAVEPACKET", "wavepacket_offset": "WAVEPACKET", "wavepacket_size": "WAVEPACKET",
+           "return_point_wave_location": "WAVEPACKET", "x_t": "WAVEPACKET", "y_t": "WAVEPACKET",
+           "z_t": "WAVEPACKET"}  # fmt: skip
+"""The layer of a packed file that holds a dimension, as laspy calls it."""
+_ALWAYS = {"X": "XY_RETURNS_CHANNEL", "Y": "XY_RETURNS_CHANNEL", "return_number": "XY_RETURNS_CHANNEL", "Z": "Z",
+           "number_of_returns": "XY_RETURNS_CHANNEL", "scanner_channel": "XY_RETURNS_CHANNEL",
+           "classification": "CLASSIFICATION", "synthetic": "FLAGS", "key_point": "FLAGS", "withheld": "FLAGS",
+           "overlap": "FLAGS", "scan_direction_flag": "FLAGS", "edge_of_flight_line": "FLAGS"}  # fmt: skip
+"""The layers of places, and of what tells noise."""
+
+
+def selected_dimensions(laspy: Any, names: Iterable[str], wants: Callable[[str], bool]) -> Any:
+    """The layers of a packed file (point formats 6 to 10) to unpack for those of the dimensions that are wanted."""
+    layers = {*_ALWAYS.values()}
+    for name in names:
+        is_color = _GROUPS.get(name) == "RGB"
+        if name not in _ALWAYS and (wants("rgb") if is_color else wants(name)):
+            layers.add(_GROUPS.get(name, "ALL_EXTRA_BYTES"))
+    selection = laspy.DecompressionSelection(0)
+    for layer in layers:
+        selection |= laspy.DecompressionSelection[layer]
+    return selection
 
 
 def dimension_values(chunk: Any, name: str) -> np.ndarray:

@@ -21,11 +21,13 @@ def test_evaluate_passes_its_options_on_and_prints_means(
     z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     called: list[tuple[object, ...]] = []
+    limits: list[float] = []
 
     def measure(
         meshes: object, weights: object, out: Path, config: object, truth_root: Path, log: object,
-        baselines: tuple[str, ...], engine: str,
+        baselines: tuple[str, ...], engine: str, baseline_seconds: float,
     ) -> None:
+        limits.append(baseline_seconds)
         called.append((meshes, weights, out, config, truth_root, engine))
         out.mkdir(exist_ok=True)
         data = {"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}, "spread_over_seeds": {}, "seeds": {"0": {}}}
@@ -56,6 +58,8 @@ def test_evaluate_passes_its_options_on_and_prints_means(
     known = "balls, bpa, hpr, poisson, splats"
     assert unknown.exit_code == 2 and f"unknown baseline 'nosuch'; installed: {known}" in unknown.stderr
     assert z2p(*words, "--engine", "onnxruntime").exit_code == 0 and called[-1][-1] == "onnxruntime"
+    z2p(*words, "--baseline-seconds", 7)
+    assert (limits[0], limits[-1]) == (120, 7)
     assert "unknown engine 'abacus'" in z2p(*words, "--engine", "abacus").stderr
     assert z2p(*words, "--elevation", "90").exit_code == 2
     (out / "sheet.png").write_bytes(b"mine")

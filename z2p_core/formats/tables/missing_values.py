@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from z2p_core.linalg import bounding_box
+
 NODATA_VALUES = (-999.0, -9999.0, -99999.0, -999999.0, 9999.0, 99999.0, 999999.0, -32768.0, -32767.0, 32767.0,
                  -2147483648.0)  # fmt: skip
 _MIN_NODATA_MAGNITUDE = 1e20
@@ -20,9 +22,10 @@ def measured_mask(points: np.ndarray) -> np.ndarray | None:
     A number is a no-data value if it is a usual one and lies far from all other numbers of its axis.
     """
     kept: np.ndarray | None = None
+    lows, highs = bounding_box(points)
     for axis in range(3):
         column = points[:, axis]
-        for value in _candidates(column):
+        for value in _candidates(float(lows[axis]), float(highs[axis])):
             missing = np.abs(column) >= _MIN_NODATA_MAGNITUDE if value is None else column == value
             others = column[~missing]
             if len(others) < _MIN_MEASURED_POINTS:
@@ -34,8 +37,7 @@ def measured_mask(points: np.ndarray) -> np.ndarray | None:
     return kept
 
 
-def _candidates(column: np.ndarray) -> list[float | None]:
+def _candidates(low: float, high: float) -> list[float | None]:
     """The usual no-data values that are the minimum or maximum of a column; None stands for all huge numbers."""
-    low, high = float(column.min()), float(column.max())
     values: list[float | None] = [value for value in NODATA_VALUES if value in (low, high)]
     return [None, *values] if max(abs(low), abs(high)) >= _MIN_NODATA_MAGNITUDE else values

@@ -90,6 +90,32 @@ FAST int z2p_gather_indirect(const float *points, const float *normals, int coun
     return 1;
 }
 
+/* For the points [begin, end): writes vectors (count, 3) whose product with a unit normal near the point's own is the
+ * radiance that a white point with that normal would have by the light of the sky, of the lit floor and of other points
+ * with this radiance (2, count) and albedo: the sum of what arrives on the side that the normal points to, along the
+ * rays. Other parameters are those of z2p_gather_environment. */
+FAST int z2p_gather_vectors(const float *points, const float *normals, int count, int begin, int end, const float *axes,
+                            int axis_count, const int *visible, const FloorLight *floor, const float *light_occlusion,
+                            const float *sky_occlusion, int side, const float *radiance, float albedo, float *vectors) {
+    float weight = 2.0f / (float)axis_count;
+    memset(vectors + 3 * (size_t)begin, 0, sizeof(float) * 3 * (size_t)(end - begin));
+    for (int d = 0; d < 2 * axis_count; d++) {
+        float ray[3];
+        get_direction(axes, d, ray);
+        for (int i = begin; i < end; i++) {
+            if (!(dot(normals + 3 * i, ray) > 0)) continue;
+            int other = visible[(size_t)d * count + i];
+            float incoming = floor->sky_radiance;
+            if (other >= 0)
+                incoming = albedo * radiance[(dot(normals + 3 * other, ray) > 0) * (size_t)count + other];
+            else if (ray[2] <= 0)
+                incoming = lit_floor_radiance(points + 3 * i, ray, floor, light_occlusion, sky_occlusion, side);
+            for (int a = 0; a < 3; a++) vectors[3 * (size_t)i + a] += weight * incoming * ray[a];
+        }
+    }
+    return 1;
+}
+
 /* As z2p_gather_indirect, of radiances (2, count, 3) and floor_irradiance (side, side, 3) in three colors, for the side
  * that normals point to alone: indirect (count, 3). */
 FAST int z2p_gather_colors(const float *points, const float *normals, int count, int begin, int end, const float *axes,

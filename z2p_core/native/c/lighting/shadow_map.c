@@ -165,3 +165,23 @@ FAST int z2p_direct_lighting(const float *points, const float *normals, int coun
     free(map.keys); free(depth); free(cell);
     return allocated;
 }
+
+/* Writes irradiance (count) of points [begin, end) with unit normals on the side that these point to, under light
+ * samples as above that nothing hides. */
+FAST int z2p_unshadowed_light(const float *points, const float *normals, int begin, int end,
+                              const float *light_positions, const float *light_axes, const float *light_powers,
+                              int light_count, float *irradiance) {
+    for (int i = begin; i < end; i++) irradiance[i] = 0;
+    for (int l = 0; l < light_count; l++) {
+        const float *light = light_positions + 3 * l, *axis = light_axes + 3 * l;
+        float power = light_powers[l];
+        for (int i = begin; i < end; i++) {
+            float dx = light[0] - points[3 * i], dy = light[1] - points[3 * i + 1], dz = light[2] - points[3 * i + 2];
+            float distance_sq = dx * dx + dy * dy + dz * dz, inverse = 1 / sqrtf(distance_sq);
+            float n_dot_l = (dx * normals[3 * i] + dy * normals[3 * i + 1] + dz * normals[3 * i + 2]) * inverse;
+            float cos_at_light = -(dx * axis[0] + dy * axis[1] + dz * axis[2]) * inverse;
+            irradiance[i] += power * larger(n_dot_l, 0) * larger(cos_at_light, 0) / distance_sq;
+        }
+    }
+    return 1;
+}

@@ -1,0 +1,98 @@
+"""Surfels of clouds so dense that light is computed at some of their points only.
+
+The image shows discs of all points that it has pixels for; their light comes from the lit points nearby.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from z2p_core.camera import Camera
+from z2p_core.images import linear_from_srgb, srgb_from_linear
+from z2p_core.interfaces import PointColors
+from z2p_core.shading.detail_light import transfer_light
+from z2p_core.shading.light_transport import LightField, Quality
+from z2p_core.shading.surfels import make_surfels
+from z2p_core.shading.textured_light import surface_albedo
+from z2p_core.surface.normals import SurfacePoints, estimate_surface
+from z2p_core.surface.subsampling import MAX_SURFACE_POINTS
+from z2p_core.surface.viewer_facing import face_viewer
+from z2p_core.surface.visible_points import visible_points
+
+if TYPE_CHECKING:
+    from z2p_renderer.plugins.gbuffers.surfels import MaterialShader
+
+MIN_SPACING = 1e-5
+"""Smallest spacing of the points that an image shows, in world units."""
+PATCH_NEIGHBORS = 12
+"""Neighbors to whose places a clean surface is fitted: fewer than for a sparse cloud, whose points are no means."""
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What one image shows of a dense cloud."""
+
+    surface: SurfacePoints
+    """N points, each the mean of those in a small cell of the image."""
+    surfels: SurfacePoints
+    """M surfels: the N points, then those that close holes."""
+    radii: np.ndarray
+    """(M,) float32, of the surfels, in world units."""
+    albedo: np.ndarray | None
+    """(N, 3) float32, of the points, where the cloud has colors."""
+
+
+def visible_detail(
+    cloud: np.ndarray, surface: SurfacePoints, spacing: float, camera: Camera, colors: PointColors | None
+) -> Detail | None:  # fmt: skip
+    """What the camera sees of a dense cloud (N, 3); None where all of its points are lit.
+
+    `surface` has those points of the cloud that are lit, `spacing` is their median spacing.
+    """
+    if len(cloud) <= MAX_SURFACE_POINTS:
+        return None
+    own_spacing = spacing * math.sqrt(len(surface.points) / len(cloud))
+    has_own_colors = colors is not None and np.array_equal(colors.points, cloud)
+    values = colors.albedo if colors is not None and has_own_colors else None
+    merged = visible_points(cloud, values, camera, own_spacing, surface.noise)
+    if not len(merged.points):  # all of it lies beside the image
+        return None
+    shown = estimate_surface(merged.points, use_normal_gnn=False, least_neighbors=PATCH_NEIGHBORS)
+    surfels, radii = make_surfels(shown, max(float(np.median(shown.spacing)), MIN_SPACING))
+    if merged.values is not None:
+        colors = PointColors(merged.points, merged.values)
+    return Detail(shown, surfels, radii, None if colors is None else surface_albedo(shown, colors))
+
+
+class DetailShader:
+    """A `MaterialShader` of the points of a `Detail`, by that of the lit points."""
+
+    def __init__(
+        self, shader: MaterialShader, detail: Detail, lit: SurfacePoints, field: LightField, visibility: np.ndarray,
+        quality: Quality, camera: Camera,
+    ) -> None:  # fmt: skip
+        """`lit` are the points of the light `field`, `visibility` says which of them see which."""
+        self._shader = shader
+        normals = face_viewer(detail.surface.points, detail.surface.normals, camera.position)
+        self._light = transfer_light(detail.surface, normals, lit, field, visibility, quality, camera)
+
+    def surfel_values(self, viewer: np.ndarray) -> list[np.ndarray]:
+        radiance, *further = self._shader.surfel_values(viewer)
+        own = self._light.interpolate(linear_from_srgb(radiance)) * self._light.ratio[:, None]
+        return [srgb_from_linear(np.clip(own, 0, 1)), *map(self._light.interpolate, further)]
+
+    def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
+        self._shader.shade_pixels(camera, rows, layers)
+
+    def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
+        """Of the lit points, as `albedo` (N, 3) is."""
+        return self._shader.total_albedo(albedo)
+
+    def relative_radiance(self, viewer: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the shown points, by the `radiance` (N, 3) of the lit ones."""
+        offset, slope = self._shader.relative_radiance(viewer, radiance)
+        return self._light.interpolate(offset), self._light.interpolate(slope)
