@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from z2p_core.api.animate import animate as animate
     from z2p_core.api.picture import Picture as Picture
     from z2p_core.api.previewer import Previewer as Previewer
     from z2p_core.api.read_cameras import read_cameras as read_cameras
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _LATE = {
-    "render": "z2p_core.api.render", "Picture": "z2p_core.api.picture", "Previewer": "z2p_core.api.previewer",
+    "render": "z2p_core.api.render", "animate": "z2p_core.api.animate",
+    "Picture": "z2p_core.api.picture", "Previewer": "z2p_core.api.previewer",
     "RenderWarning": "z2p_core.api.render", "ScanError": "z2p_core.interfaces", "SettingError": "z2p_core.interfaces",
     "PinholeCamera": "z2p_core.pinhole", "look_at": "z2p_core.pinhole", "pinhole_camera": "z2p_core.pinhole",
     "read_cameras": "z2p_core.api.read_cameras",

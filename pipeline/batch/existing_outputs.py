@@ -84,6 +84,8 @@ def _changed_settings(
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
         "margin": look.margin,
+        "dpi": look.dpi,
+        **{name: value or None for name, value in vars(look.marks).items()},
     }
     if isinstance(options.camera, LookAt) and options.camera.size is None:
         del settings["resolution"]  # it followed from the cloud

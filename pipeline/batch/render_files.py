@@ -20,6 +20,7 @@ from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.batch.existing_outputs import kept_output_note
 from z2p_renderer.pipeline.batch.tasks import Task, numbered_outputs
 from z2p_renderer.pipeline.coloring.fields import read_scans
+from z2p_renderer.pipeline.inference.documents import write_document
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan, with_common_scale
 from z2p_renderer.pipeline.inference.scan_source import describe_source
@@ -202,7 +203,10 @@ class _FileJob:
         look, outcome = self._look_of(cloud), self.outcome
         rendered = render_scan(self.renderer, scan, format_suffix(self.task.scan), look)
         record = build_record(rendered, look, self._source_of(output, cloud))
-        write_picture(rendered.picture, output, look.background, record)
+        if look.is_document:
+            write_document(rendered, look, record, output)
+        else:
+            write_picture(rendered.picture, output, look.background, record, look.dpi)
         if rendered.pass_camera is not None:
             write_passes(rendered.passes, rendered.pass_camera, output, self.pass_format)
         outcome.placements.append(rendered.placement)

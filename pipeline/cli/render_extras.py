@@ -25,9 +25,13 @@ def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: d
         SettingError: a file of another kind is in the place of a sheet or of the camera.
         PictureError: a file of another kind is in the place of the gallery.
     """
-    from z2p_renderer.storage.images.image_files import FORMATS
+    from z2p_renderer.storage.images.image_files import DOCUMENT_SUFFIXES, FORMATS
 
-    folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
+    is_picture = output.suffix.lower() in (*FORMATS, *DOCUMENT_SUFFIXES) and not output.is_dir()
+    folder = output.parent if is_picture else output
+    for name in ("sheet", "gallery"):
+        if options[name] and any(task.output.suffix.lower() in DOCUMENT_SUFFIXES for task in tasks):
+            raise click.UsageError(f"--{name} cannot show PDF or SVG files; make it of PNGs, or use z2p figure", ctx)
     if options["sheet"] is not None:
         _check_sheets(ctx, tasks, folder, options["sheet"])
     if options["gallery"]:

@@ -14,8 +14,9 @@ from z2p_core.style import Style
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
 from z2p_renderer.pipeline.inference.styles import check_style
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
+from z2p_renderer.pipeline.legends.marks import Marks
 from z2p_renderer.pipeline.placement.options import PlacementOptions
-from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE
+from z2p_renderer.storage.images.image_files import DOCUMENT_SUFFIXES, OPAQUE_SUFFIXES, WHITE
 
 Color = tuple[float, float, float]
 Crop = tuple[float, float, float, float]
@@ -55,6 +56,14 @@ class Look:
     margin: float | None = None
     """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
     the visible part. None: the default of either."""
+    marks: Marks = field(default_factory=Marks)
+    """A scale bar and axes."""
+    dpi: float | None = None
+    """Pixels for an inch on paper; None where the user does not say."""
+    is_document: bool = False
+    """Whether the picture is for a PDF or SVG, in which marks and color bar are drawn as vectors, not as pixels."""
+    reduction: int | None = None
+    """Factor by which the network draws smaller, the same for a whole film; None: by each cloud's own spacing."""
 
     def __post_init__(self) -> None:
         """Check the size.
@@ -88,7 +97,8 @@ class Look:
 
         Formats without transparency get a white background, unless the look has one.
         """
-        return replace(self, background=WHITE) if self.background is None and suffix in OPAQUE_SUFFIXES else self
+        look = replace(self, is_document=True) if suffix in DOCUMENT_SUFFIXES else self
+        return replace(look, background=WHITE) if self.background is None and suffix in OPAQUE_SUFFIXES else look
 
 
 def build_look(
@@ -143,8 +153,8 @@ def build_look(
     style, values = style or Style(), parse_controls(renderer, controls)
     check_style(style, renderer, values)
     if own_camera is not None and not style.needs_network:
-        raise SettingError(f"style {style.name} is drawn by the usual camera only, not by one in the data's units; leave "
-                           "out the camera, or the style")  # fmt: skip
+        raise SettingError(f"style {style.name} is drawn by the usual camera only, not by one in the data's units; "
+                           "leave out the camera, or the style")  # fmt: skip
     return Look(
         values=values, placement_options=options, width=width, height=height,
         background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,

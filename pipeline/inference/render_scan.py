@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from z2p_core import __version__
 from z2p_core.coloring.options import AUTO, NONE
 from z2p_core.images import bytes_from_unit, linear_from_srgb, shrink, unit_from_bytes
 from z2p_core.interfaces import PointColors, SettingError, Value
+from z2p_core.linalg import bounding_box
 from z2p_core.pinhole import PinholeCamera
 from z2p_core.placement.margin import radius_with_margin, with_margin
 from z2p_core.placement.usual_camera import usual_pinhole
@@ -23,13 +24,18 @@ from z2p_renderer.pipeline.coloring.common_scale import share_scale
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.prepared_render import PreparedRender
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.inference.styles import DRAW, Frame, ball_radii
-from z2p_renderer.pipeline.inference.trim import crop_frame, trim_to_content
+from z2p_renderer.pipeline.inference.styles import DRAW, Frame, StyledCloud, ball_radii
+from z2p_renderer.pipeline.inference.trim import content_box, crop_box, crop_rows_and_columns
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
+from z2p_renderer.pipeline.legends.marks import FrameGeometry
 from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, place_scan
 from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.scans.clouds import Scan
 
+if TYPE_CHECKING:
+    from z2p_renderer.pipeline.legends.annotate import Annotations
+
+Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 RECORD_FORMAT = 1
 """Version of the record's format, raised when the meaning of a key changes."""
 DEFAULT_BASE_SRGB = (0.906, 0.906, 0.906)
@@ -65,6 +71,28 @@ class RenderedScan:
     """What else the look asks for: `z2p_core.shading.passes`."""
     pass_camera: PinholeCamera | None = None
     """The camera of the passes, in the data's units; None without passes."""
+    offset: tuple[int, int] = (0, 0)
+    """Row and column of the frame at which the picture begins, if it was trimmed."""
+    bounds: Bounds | None = None
+    """Lowest and highest coordinates of the drawn points, in the data's units; None where no axes are drawn."""
+
+    def annotations(self, look: Look) -> Annotations:
+        """What is drawn onto the picture and beside it."""
+        from z2p_renderer.pipeline.legends.annotate import Annotations  # late: slow to import
+
+        bounds = self.bounds or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        geometry = FrameGeometry(self.viewpoint, look.width, look.height, self.offset[1], self.offset[0], bounds)
+        scale = self.coloring.scale if self.coloring is not None and look.color_options.color_bar else None
+        return Annotations(geometry, look.marks, scale, look.tight)
+
+    def annotated(self, look: Look) -> RenderedScan:
+        """The same with annotations in the picture, but for a document, which holds them as vectors."""
+        has_bar = self.coloring is not None and self.coloring.scale is not None and look.color_options.color_bar
+        if look.is_document or not (look.marks or has_bar):
+            return self
+        from z2p_renderer.pipeline.legends.annotate import annotate  # late: slow to import
+
+        return replace(self, picture=annotate(self.picture, self.annotations(look), look.background))
 
 
 def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
@@ -97,15 +125,21 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     pass_camera = None
     if look.passes:
         pass_camera, passes = _draw_passes(cloud, viewpoint, placed.pinhole, colors, selected.settings(values), look)
+    top = left = 0
     if look.tight:
-        picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
-    if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
-        from z2p_renderer.pipeline.legends.draw_legend import draw_onto  # late: slow to import
-
-        picture = draw_onto(picture, coloring.scale, look.background)
+        is_own, crop = look.crop is None, look.crop or (0.0, 0.0, 1.0, 1.0)
+        box = content_box(picture[..., 3], look.margin) if is_own else crop_rows_and_columns(picture, crop)
+        picture, top, left = crop_box(picture, box), box[0], box[2]
+    bounds = _data_bounds(placed) if look.marks.axes else None
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
                         isinstance(renderer, AutoRenderer), coloring, placed.pinhole, placed.unfamiliar,
-                        passes, pass_camera)  # fmt: skip
+                        passes, pass_camera, (top, left), bounds).annotated(look)  # fmt: skip
+
+
+def _data_bounds(placed: PlacedCloud) -> Bounds:
+    """The lowest and highest coordinates of a placed cloud along the data's axes, in the data's units."""
+    low, high = bounding_box(placed.viewpoint.unplace(placed.cloud))
+    return tuple(low.tolist()), tuple(high.tolist())
 
 
 def _choose_colors(scan: Scan, viewpoint: Viewpoint, renderer: Renderer, look: Look) -> Coloring | None:
@@ -166,12 +200,12 @@ def _render_frame(
     if floor is not None:
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     factor = look.supersample
-    frame = Frame(cloud, values, look.width * factor, look.height * factor, floor, colors, radii)
+    frame = Frame(cloud, values, look.width * factor, look.height * factor, floor, colors, radii, look.reduction)
     return _finish_frame(DRAW[look.style.name](renderer, frame), factor)
 
 
 def render_prepared(
-    prepared: PreparedRender, values: dict[str, Value], look: Look, azimuth: float
+    prepared: PreparedRender | StyledCloud, values: dict[str, Value], look: Look, azimuth: float
 ) -> np.ndarray:  # fmt: skip
     """The whole frame (H, W, 4) uint8, as of `render_scan`, of a prepared cloud turned by `azimuth` degrees."""
     factor = look.supersample
@@ -242,6 +276,8 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         "stance": rendered.placement.to_json(),
         **window,
         **_pinhole_record(rendered, look),
+        **({} if look.dpi is None else {"dpi": look.dpi}),
+        **{name: value for name, value in vars(look.marks).items() if value},
     }
 
 

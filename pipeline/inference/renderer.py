@@ -133,16 +133,18 @@ class Renderer:
         height: int = 512,
         floor: float | None = None,
         colors: PointColors | None = None,
+        reduction: int | None = None,
     ) -> np.ndarray:
         """Image (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units.
 
-        `floor` is its height; None puts it under the lowest point. A sparse cloud is rendered smaller and upsampled.
+        `floor` is its height; None puts it under the lowest point. A sparse cloud is rendered smaller and upsampled: by
+        the factor `reduction`, or None for one chosen by its spacing.
         `colors` are the surface's own, which take the place of the control ``color``; only for weights that
         `draw_colors`.
         """
         neutral = None if colors is None else neutral_albedo(colors.albedo)
         inputs, relative = self._inputs(cloud, with_neutral_color(values, neutral),
-                                        *render_size(cloud, width, height), floor, colors)  # fmt: skip
+                                        *render_size(cloud, width, height, reduction), floor, colors)  # fmt: skip
         image = self.finish(inputs, relative, len(cloud), neutral, 1.0 if colors is None else colors.relight)
         return to_straight_rgba8(upsampled(image, width, height))
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from z2p_core import registry
-from z2p_core.camera import Camera
+from z2p_core.camera import Camera, turn
 from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied
 from z2p_core.interfaces import PointColors, ScanError, SettingError, Value
 from z2p_core.native import NeighborGrid, to_straight_rgba8
@@ -51,11 +51,15 @@ class Frame:
     colors: PointColors | None
     radii: np.ndarray | None
     """(N,) float32 of balls, world units; None where the style has none."""
+    reduction: int | None = None
+    """As for `Renderer.render`."""
 
 
 def draw_surface(renderer: Renderer, frame: Frame) -> np.ndarray:
     """The surface that the weights see in the points."""
-    return renderer.render(frame.cloud, dict(frame.values), frame.width, frame.height, frame.floor, frame.colors)
+    return renderer.render(
+        frame.cloud, dict(frame.values), frame.width, frame.height, frame.floor, frame.colors, frame.reduction
+    )
 
 
 def draw_balls(renderer: Renderer, frame: Frame) -> np.ndarray:
@@ -202,3 +206,21 @@ def _radii_of_field(name: str, scan: Scan, cloud: np.ndarray, viewpoint: Viewpoi
         raise ScanError(f"the field {field.name!r} is to hold radii above 0 and up to {viewpoint.radius:.4g}, the "
                         f"radius of the whole object, in the data's units; got {worst:g} among {len(radii)} values")
     return radii[nearest_of(viewpoint.place(field.points), cloud)]
+
+
+@dataclass(frozen=True)
+class StyledCloud:
+    """A placed cloud in a style that needs no network, drawn anew for each frame."""
+
+    renderer: Renderer
+    style: str
+    frame: Frame
+
+    def render(self, values: dict[str, Value], width: int, height: int, azimuth: float) -> np.ndarray:
+        """As `PreparedRender.render`."""
+        rotation, frame = turn(azimuth).astype(np.float32).T, self.frame
+        colors = frame.colors and replace(frame.colors, points=frame.colors.points @ rotation)
+        turned = replace(
+            frame, cloud=frame.cloud @ rotation, values=values, width=width, height=height, colors=colors
+        )  # fmt: skip
+        return DRAW[self.style](self.renderer, turned)

@@ -25,11 +25,14 @@ EXTERNAL_PLUGIN_PAGES = ("writing-a-control.md", "writing-a-plugin.md")
 other."""
 CODE_FOLDERS = ("benchmarks", "configs", "docs", "examples", "pipeline", "plugins", "scripts", "shims", "storage",
                 "tests", "workflows", "z2p_core", "z2p_renderer")  # fmt: skip
-EXAMPLE_FILES = {"mine_zbuffer.py", "mine_condition.py", "mine_reader.py", "test_mine.py", "mine.toml",
+EXAMPLE_FILES = {"mine_zbuffer.py", "mine_condition.py", "mine_reader.py", "test_mine.py", "mine.toml", "table.toml",
                  "z2p_core/native/TOPIC.py"}  # fmt: skip
 EXAMPLE_FOLDERS = {"z2p_core/native/c/TOPIC/"}
 """Files and folders that a page names for the reader to make."""
-RUN = re.compile(r"(cat \S+ \| )?z2p (render|run-inference|animate|rerender|info|formats|plugins|report|completion) ")
+RUN = re.compile(
+    r"(cat \S+ \| )?"
+    r"z2p (render|run-inference|animate|film|figure|rerender|info|formats|plugins|report|completion) "
+)
 """Commands that are run; those of whole pipelines have tests of their own, and only their options are checked here."""
 
 
@@ -87,6 +90,13 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for number in range(2):
         PointCloud.from_xyz_points((cloud + number / 2).astype("f4")).save(tmp_path / "frames" / f"{number}.pcd")
     write_cameras(tmp_path)
+    (tmp_path / "run").mkdir()
+    for number, share in ((1, 0.0), (2, 0.5), (10, 1.0)):
+        ball = cloud / np.linalg.norm(cloud, axis=1, keepdims=True)
+        np.save(tmp_path / "run" / f"step_{number}.npy", (1 - share) * cloud + share * ball)
+    for kind in ("csv", "toml"):
+        (table,) = blocks(ROOT / "docs" / "figures.md", kind)
+        (tmp_path / f"table.{kind}").write_text(table)
     weights = ROOT / "storage" / "weights" / "regular.safetensors"
     shutil.copy(weights, tmp_path / "runs" / "NAME" / "weights.safetensors")
     monkeypatch.chdir(tmp_path)
@@ -219,6 +229,12 @@ def test_the_python_of_the_page_on_cameras_runs(desk: Path) -> None:
     for block in blocks(ROOT / "docs" / "cameras.md", "python"):
         exec(block, names)
     assert (desk / "posed_depth.npy").is_file() and (desk / "posed_camera.json").is_file()
+
+
+def test_the_python_of_the_page_on_films_runs(desk: Path) -> None:
+    (block,) = blocks(ROOT / "docs" / "films.md", "python")
+    exec(block, {})
+    assert all((desk / name).stat().st_size > 500 for name in ("ball.webp", "ball-run.webp", "balls.gif"))
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "ARCHITECTURE.md"], ids=stem)

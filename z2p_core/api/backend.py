@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
@@ -59,6 +59,26 @@ class RenderRequest:
     """Whether the caller chose the size."""
     passes: tuple[str, ...] = ()
     """What else is drawn: `z2p_core.pass_names.PASSES`."""
+    cloud_colors: Sequence[Any] = ()
+    """Value of the control ``color`` for each cloud, as text or numbers; empty for one that all share."""
+
+
+@dataclass(frozen=True)
+class FilmRequest:
+    """What the user asks of a film, in the words and numbers of `z2p_core.animate`, checked."""
+
+    arrange: str = "series"
+    frames: int = 48
+    fps: float = 24.0
+    motion: str = "turn"
+    hold: int = 1
+    blend: int = 0
+    blend_by: str = "auto"
+    turns: float = 0.0
+    closes: bool = False
+    reference: int = 0
+    on_frame: Callable[[int, int], None] | None = None
+    """Called with the number of frames done, and of all."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +111,11 @@ class Backend(Protocol):
         self, passes: Mapping[str, np.ndarray], camera: PinholeCamera, picture: Path, format: str
     ) -> list[Path]:
         """Write passes and their camera beside a picture; the paths of the files."""
+
+    def animate(
+        self, clouds: Sequence[np.ndarray] | Sequence[Path], request: RenderRequest, film: FilmRequest, path: Path
+    ) -> list[str]:
+        """Writes a film of clouds (N, 3) float64, or of those in files; what was left out or guessed, in words."""
 
     def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:
         """Write an image (H, W, 4) uint8 with its record, in the format of the path's suffix."""

@@ -142,7 +142,7 @@ def render(
         **controls: the value of a control, by its name: text as on the command line, a number, or numbers. Every
             installed control has a keyword, those of other packages too; None stands for its default. Built in are
 
-            - color: CSS name, ``#hex`` or sRGB triple in [0, 1].
+            - color: CSS name, ``#hex`` or sRGB triple in [0, 1]; for a batch also a list of these, one for each cloud.
             - light: distance 3 to 4.5, azimuth -90 to 90 (0 behind the camera, positive to the right), elevation 25
               to 75.
             - elevation: the camera's, 0 to 80 degrees above the horizon.
@@ -154,22 +154,8 @@ def render(
         UnknownArgument: a keyword is neither an argument nor an installed control (a TypeError and a SettingError).
         WeightsError: there are no such weights (a ValueError).
     """
-    _check_names(controls)
-    if up is None:
-        up = "auto" if isinstance(points, str | Path) else "+Z"
-    if isinstance(camera, Picture):
-        camera = camera.camera
-    request = RenderRequest(
-        up, view, azimuth, camera, controls, chosen_size(size, resolution), background, _factor(supersample),
-        _tight(fit), _switch("keep_outliers", keep_outliers), _percent(cut_top), smooth, margin, _weights(weights),
-        color_options=ColorOptions(
-            _field_name(colors), cmap, parse_limits(clim), parse_classes(classes), parse_relight(relight),
-            _switch("color_bar", color_bar),
-        ), has_size=size is not None or resolution is not None, passes=parse_passes(passes),
-        style=_style(style, radius),
-    )
-    options = replace(request.color_options, other_fields=request.style.wanted_fields)
-    request = replace(request, color_options=options)  # fmt: skip
+    settings = {name: value for name, value in locals().items() if name not in ("points", "colors")}
+    request = build_request(points, colors, settings)
     images, notes, is_batch = _render_images(points, colors, request, radius)
     for note in dict.fromkeys([*notes, *(note for image in images for note in image.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)
@@ -180,6 +166,49 @@ def render(
         return pictures[0]
     record = {**pictures[0].record, "batch": len(pictures)}
     return Picture(tile_images([picture.array for picture in pictures]), record, parts=pictures)
+
+
+def build_request(points: Any, colors: Any, settings: Mapping[str, Any]) -> RenderRequest:
+    """The request that the keywords of `render` stand for; `settings` has all of them, and ``controls``.
+
+    Controls may also be among the other keywords.
+
+    Raises:
+        SettingError: one is invalid, or unknown.
+    """
+    given = dict(settings)
+    controls = {**given.pop("controls", {}), **{name: given.pop(name) for name in registry.names("controls")
+                                                if name in given}}  # fmt: skip
+    check_names(controls)
+    up, camera = given["up"], given["camera"]
+    if up is None:
+        up = "auto" if isinstance(points, str | Path) else "+Z"
+    if isinstance(camera, Picture):
+        camera = camera.camera
+    cloud_colors = _cloud_colors(controls.get("color"))
+    if cloud_colors:
+        controls["color"] = None
+    style = _style(given["style"], given["radius"])
+    return RenderRequest(
+        up, given["view"], given["azimuth"], camera, controls, chosen_size(given["size"], given["resolution"]),
+        given["background"], _factor(given["supersample"]), _tight(given["fit"]),
+        _switch("keep_outliers", given["keep_outliers"]), _percent(given["cut_top"]), given["smooth"], given["margin"],
+        _weights(given["weights"]),
+        color_options=ColorOptions(
+            _field_name(colors), given["cmap"], parse_limits(given["clim"]), parse_classes(given["classes"]),
+            parse_relight(given["relight"]), _switch("color_bar", given["color_bar"]), other_fields=style.wanted_fields,
+        ),
+        style=style, has_size=given["size"] is not None or given["resolution"] is not None,
+        passes=parse_passes(given["passes"]), cloud_colors=cloud_colors,
+    )  # fmt: skip
+
+
+def _cloud_colors(color: Any) -> tuple[Any, ...]:
+    """The colors of a batch's clouds, if `color` is a list of colors (texts or triples) rather than one; else none."""
+    if not isinstance(color, list | tuple) and not (isinstance(color, np.ndarray) and color.ndim == 2):
+        return ()
+    members = list(color)
+    return () if all(isinstance(one, Real) for one in members) else tuple(members)
 
 
 def _signature_with_controls() -> inspect.Signature:
@@ -198,14 +227,28 @@ def _render_images(
     points: Any, colors: Any, request: RenderRequest, radii: Any
 ) -> tuple[list[RenderedImage], list[str], bool]:
     """An image of each cloud, what to warn of beside their own notes, and whether `points` is a batch."""
-    given_colors = None if isinstance(colors, str) else colors
     if isinstance(points, str | Path):
         if request.style.radius_field == GIVEN_RADII:
             raise SettingError("expected the name of one of the file's fields as radius, got an array: its numbers "
                                "cannot be matched to the file's points; read the points first")
-        request, notes = (request, []) if given_colors is None else _with_mean_color(request, given_colors)
-        return load_backend().render_file(Path(points), request), notes, False
-    given, notes = point_arrays(points), []
+        is_named = colors is None or isinstance(colors, str)
+        request, told = (request, list[str]()) if is_named else _with_mean_color(request, colors)
+        return load_backend().render_file(Path(points), request), told, False
+    clouds, request, notes, is_batch = prepare_clouds(points, colors, request, radii)
+    return load_backend().render_arrays(clouds, request), notes, is_batch
+
+
+def prepare_clouds(
+    points: Any, colors: Any, request: RenderRequest, radii: Any = None
+) -> tuple[list[np.ndarray], RenderRequest, list[str], bool]:
+    """Clouds (N, 3) float64, the request with their fields and colors, what to warn of, and whether it is a batch.
+
+    Raises:
+        ScanError: the points are no cloud.
+        SettingError: the colors are none, or not one for each point or cloud.
+    """
+    given_colors = None if isinstance(colors, str) else colors
+    given, notes = point_arrays(points), list[str]()
     request = replace(
         request, fields=given.fields, class_names=given.class_names, color_kinds=given.color_kinds
     )  # fmt: skip
@@ -213,14 +256,17 @@ def _render_images(
     if request.style.radius_field == GIVEN_RADII:
         request = _with_radii(request, radii, given.clouds)
     if given_colors is not None:
-        if request.controls.get("color") is None:
+        if request.controls.get("color") is None and not request.cloud_colors:
             request = _with_colors(request, given_colors, given.clouds)
         else:
             notes.append("colors= are left out: the whole object has the colour given")
     elif given.unused_columns and colors is None and not any("rgb" in fields for fields in given.fields):
         notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): colours of points are drawn if "
                      "they are given as colors=, normals are not needed")  # fmt: skip
-    return load_backend().render_arrays(given.clouds, request), notes, given.batched
+    if request.cloud_colors and len(request.cloud_colors) != len(given.clouds):
+        raise SettingError(f"expected one color, or a list of one for each of {len(given.clouds)} clouds, got a list "
+                           f"of {len(request.cloud_colors)}")
+    return given.clouds, request, notes, given.batched
 
 
 def _with_colors(request: RenderRequest, colors: Any, clouds: Sequence[np.ndarray]) -> RenderRequest:
@@ -268,7 +314,7 @@ def _field_name(colors: Any) -> str:
     return by.lower() if by.lower() in (AUTO, RGB, NONE) else by
 
 
-def _check_names(controls: Collection[str]) -> None:
+def check_names(controls: Collection[str]) -> None:
     """
     Raises:
         UnknownArgument: a name is neither an argument of `render` nor an installed control.

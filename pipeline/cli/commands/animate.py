@@ -18,7 +18,13 @@ from z2p_renderer.pipeline.cli.options.cameras import read_own_cameras
 from z2p_renderer.pipeline.cli.options.coloring import color_options, color_options_from
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
-from z2p_renderer.pipeline.cli.options.param_types import FileFormat, FiniteRange, OutputPath, is_output_folder
+from z2p_renderer.pipeline.cli.options.param_types import (
+    FileFormat,
+    FiniteRange,
+    OutputPath,
+    SheetGrid,
+    is_output_folder,
+)
 from z2p_renderer.pipeline.cli.options.pictures import (
     check_view_options,
     check_writable,
@@ -51,6 +57,8 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
               help="Frames per second; a GIF has at most 50.")
 @click.option("--steady", default=1, type=click.IntRange(1, 9), metavar="N",
               help="Number of pictures averaged into each frame: a little smoother, N times slower.")
+@click.option("--grid", type=SheetGrid(), metavar="4x3",
+              help="Make one film OUT, in which all clouds move side by side in so many columns and rows.")
 @picture_options
 @color_options
 @click.option("--overwrite", is_flag=True,
@@ -100,6 +108,10 @@ def _run(
     if cameras is not None:
         check_path(cameras)
         motion = Motion("path", len(cameras))
+    if options["grid"] is not None:
+        from z2p_renderer.pipeline.cli.animate_grid import write_grid
+
+        return write_grid(ctx, scans, output, renderer, look, motion, columns, options)
     has_failed = False
     for task in _plan(ctx, scans, inputs, output, options):
         try:

@@ -86,7 +86,7 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
         if not is_debugging():
             warnings.simplefilter("ignore")
         picture, look, new_record = _draw_again(record, scan, output, controls, options)
-    write_picture(picture, output, look.background, new_record)
+    write_picture(picture, output, look.background, new_record, look.dpi)
     if not options["quiet"]:
         click.echo(f"rendered: {figure} -> {output}", err=True)
 
@@ -142,6 +142,7 @@ def _draw_again(
     from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
     from z2p_renderer.pipeline.inference.scan_source import describe_source
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
+    from z2p_renderer.pipeline.legends.marks import Marks
     from z2p_renderer.storage.models.checkpoints import shipped_weights
     from z2p_renderer.storage.scans.clouds import format_suffix
 
@@ -151,6 +152,8 @@ def _draw_again(
                            "with --weights")
     renderer = load_renderer(weights, controls, engine=_select_engine(record, options["engine"]))
     look = _build_changed_look(record, renderer, weights, controls, options).written_as(output.suffix.lower())
+    marks = Marks(record.get("scale_bar", False), record.get("axes", False), record.get("unit", ""))
+    look = replace(look, dpi=record.get("dpi"), marks=marks)
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
     clouds = read_scans(scan, columns, look.color_options)

@@ -29,8 +29,6 @@ CAMERA_OPTIONS = (
     click.option("--orthographic", type=FiniteRange(0, 1e9, min_open=True), metavar="MM",
                  help="Parallel rays, to scale: a unit of the data is so many millimetres long in print, at --dpi. The "
                  "picture is as large as the cloud needs, unless --resolution is given."),
-    click.option("--dpi", type=FiniteRange(1, 10_000), metavar="N",
-                 help="Pixels an inch, for --orthographic.  [default: 300]"),
 )  # fmt: skip
 PASS_OPTIONS = (
     click.option("--passes", type=PassNames(),
@@ -60,7 +58,7 @@ def read_own_cameras(
         click.UsageError: options contradict each other.
         SettingError: a file of cameras cannot be read.
     """
-    wish = {name: options.get(name) for name in ("look_from", "look_at", "fov", "orthographic", "dpi")}
+    wish = {name: options.get(name) for name in ("look_from", "look_at", "fov", "orthographic")}
     given = [name for name, value in wish.items() if value is not None]
     if given and options["load_camera"] is not None:
         other = given[0].replace("_", "-")
@@ -73,14 +71,17 @@ def read_own_cameras(
     if wish["look_from"] is None and wish["orthographic"] is None:
         raise click.UsageError(f"--{given[0].replace('_', '-')}: expected --look-from X,Y,Z or --orthographic MM with "
                                "it", ctx)  # fmt: skip
-    if wish["dpi"] is not None and wish["orthographic"] is None:
-        raise click.UsageError("--dpi: expected --orthographic MM with it", ctx)
     if wish["fov"] is not None and wish["orthographic"] is not None:
         raise click.UsageError("--fov and --orthographic both choose how large the cloud is; leave one out", ctx)
     if wish["look_from"] is not None and ctx.get_parameter_source("view") is not click.core.ParameterSource.DEFAULT:
         raise click.UsageError("--look-from and --view both choose the view; leave one out", ctx)
     if options["margin"] is not None and options["fit"] == "frame":
         raise click.UsageError("--margin and a camera both choose how large the object is; leave one out", ctx)
+    for option, name in (("--scale-bar", "scale_bar"), ("--axes", "axes")):
+        if options.get(name):
+            raise click.UsageError(f"{option} belongs to the usual camera, not to one in the data's units; leave one "
+                                   "out", ctx)  # fmt: skip
+    wish["dpi"] = options.get("dpi")
     return [_look_at(wish, options["resolution"] if has_size or wish["orthographic"] is None else None)]
 
 

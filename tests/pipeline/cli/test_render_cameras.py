@@ -97,7 +97,7 @@ def test_an_orthographic_picture_is_to_scale(
     [
         (("--look-at", "1,2,3"), "expected --look-from"), ((*FROM, "--view", "30"), "--look-from and --view"),
         ((*FROM, "--margin", "0.1"), "leave one out"), ((*FROM, "--elevation", "30"), "camera and elevation"),
-        ((*FROM, "--orthographic", "3", "--fov", "30"), "--fov and --orthographic"), ((*FROM, "--dpi", "30"), "--dpi"),
+        ((*FROM, "--orthographic", "3", "--fov", "30"), "--fov and --orthographic"), ((*FROM, "--axes"), "--axes"),
         ((*FROM, "--same-frame"), "--same-frame and a camera"), (("--passes", "dept"), "'dept'"),
         ((*FROM, "--load-camera", "x.json"), "both choose the camera"),
         (("--cameras", "none.json"), "none.json: No such file"),
