@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from z2p_core.style import BALLS, DISCS, SURFACE, Style
 from z2p_renderer.pipeline.coloring.fields import find_scalars
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.scans.clouds import Scan
+
+if TYPE_CHECKING:
+    from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 RADIUS_PER_SPACING = 0.5
 """Radius of balls over the median spacing of points, unless the user says: neighbors about touch."""
@@ -108,7 +112,7 @@ DRAW: dict[str, Callable[[Renderer, Frame], np.ndarray]] = {
 """Style -> function that draws a frame (H, W, 4) uint8, straight sRGB RGBA, with a renderer's controls."""
 
 
-def check_style(style: Style, renderer: Renderer, given: Mapping[str, Value]) -> None:
+def check_style(style: Style, renderer: AnyRenderer, given: Mapping[str, Value]) -> None:
     """Refuses controls that a style has no use for.
 
     Raises:
@@ -120,7 +124,7 @@ def check_style(style: Style, renderer: Renderer, given: Mapping[str, Value]) ->
                            f"use the style {SURFACE}")
 
 
-def unused_controls(style: Style, renderer: Renderer, given: Mapping[str, Value]) -> list[str]:
+def unused_controls(style: Style, renderer: AnyRenderer, given: Mapping[str, Value]) -> list[str]:
     """Names of the given controls that change more of the material than its color, which only the surface shows."""
     if style.needs_network:
         return []
