@@ -16,7 +16,7 @@ import numpy as np
 from inputs import SHIPPED_WEIGHTS, make_cloud
 
 from z2p_core.camera import turn
-from z2p_renderer.pipeline.inference.prepared_render import fixed_to_object
+from z2p_renderer.pipeline.inference.prepared_render import PreparedRender, fixed_to_object
 from z2p_renderer.pipeline.inference.renderer import Renderer
 
 STEP_DEGREES = 7.5
@@ -45,7 +45,7 @@ def measure(
 ) -> list[float]:  # fmt: skip
     """Median milliseconds of a picture alone, of a turntable's frame and of an orbit's."""
     light = renderer.settings()["light"]
-    with_camera, with_object = renderer.prepare(cloud), renderer.prepare(cloud)
+    with_camera, with_object = PreparedRender(renderer, cloud), PreparedRender(renderer, cloud)
     ways: list[Callable[[float], object]] = [
         lambda azimuth: renderer.render(cloud @ turn(azimuth).astype("float32").T, None, side, side),
         lambda azimuth: with_camera.render(None, side, side, azimuth),

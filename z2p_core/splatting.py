@@ -8,8 +8,8 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, DISTANCE, Camera
+from z2p_core.camera_placement.placed_camera import PlacedCamera
 from z2p_core.parallel import core_count, run_in_threads
-from z2p_core.placement.placed_camera import PlacedCamera
 
 INTENSITY_ALPHA = DEPTH_RANGE[0]
 """alpha of Eq. 1: the depth of intensity 1, that of the nearest point of the unit sphere, in world units."""

@@ -10,8 +10,8 @@ import math
 import numpy as np
 
 from z2p_core.camera import DISTANCE, Camera
+from z2p_core.camera_placement.placed_camera import FRAME_PER_FOCAL, PlacedCamera
 from z2p_core.parallel import parallel_rows
-from z2p_core.placement.placed_camera import FRAME_PER_FOCAL, PlacedCamera
 from z2p_core.surface.noise_level import median_spacing
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS
 

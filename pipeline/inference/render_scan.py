@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from z2p_core import __version__
+from z2p_core.camera_placement.usual_camera import usual_pinhole
 from z2p_core.coloring.options import AUTO, NONE
 from z2p_core.images import bytes_from_unit, linear_from_srgb, shrink, unit_from_bytes
 from z2p_core.interfaces import PointColors, SettingError, Value
 from z2p_core.linalg import bounding_box
 from z2p_core.pinhole import PinholeCamera
 from z2p_core.placement.margin import radius_with_margin, with_margin
-from z2p_core.placement.usual_camera import usual_pinhole
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.shadow_fade import fade_shadow
 from z2p_renderer.pipeline.coloring.color_points import Coloring, Scale, color_points

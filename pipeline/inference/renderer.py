@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from pathlib import Path
 from threading import local
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, Camera
+from z2p_core.camera_placement.placed_camera import PlacedCamera
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import (
     Condition,
@@ -27,7 +27,6 @@ from z2p_core.native import to_straight_rgba8
 from z2p_core.network.crop_window import crop_window
 from z2p_core.network.exit_guard import inside_engine
 from z2p_core.parallel import parallel_rows
-from z2p_core.placement.placed_camera import PlacedCamera
 from z2p_core.scene import SceneDescription
 from z2p_core.settings import apply_controls, settings_vector
 from z2p_core.shading.demodulation import apply_relative_radiance, reduce_light
@@ -38,9 +37,6 @@ from z2p_renderer.pipeline.inference.input_buffers import draw_textured_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
-
-if TYPE_CHECKING:
-    from z2p_renderer.pipeline.inference.prepared_render import PreparedRender
 
 
 class Renderer:
@@ -163,17 +159,6 @@ class Renderer:
         relight = 1.0 if colors is None else colors.relight
         image = self.finish(inputs, relative, len(cloud), neutral, relight, use_network)
         return to_straight_rgba8(upsampled(image, camera.width, camera.height))
-
-    def prepare(
-        self, cloud: np.ndarray, floor: float | None = None, colors: PointColors | None = None
-    ) -> PreparedRender:  # fmt: skip
-        """A placed cloud (N, 3), for many images from other sides, in other light or of another material.
-
-        The arguments are those of `render`.
-        """
-        from z2p_renderer.pipeline.inference.prepared_render import PreparedRender  # late: it is built on this module
-
-        return PreparedRender(self, cloud, floor, colors)
 
     def finish(
         self, inputs: tuple[np.ndarray, np.ndarray, np.ndarray], relative: np.ndarray | None, points: int,

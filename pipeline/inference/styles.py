@@ -131,7 +131,7 @@ def unused_controls(style: Style, renderer: AnyRenderer, given: Mapping[str, Val
     unused = []
     for name, value in given.items():
         scene = SceneDescription()
-        renderer.controls[name].apply(value, scene)
+        apply_controls({name: value}, {name: renderer.controls[name]}, scene)
         if set(scene.material) - {"Base Color"}:
             unused.append(name)
     return unused

@@ -96,7 +96,7 @@ def _prepare(opening: RenderedScan, scan: Scan, suffix: str, look: Look) -> Prep
         radii = ball_radii(look.style, scan, cloud, opening.viewpoint)
         frame = Frame(cloud, {}, look.width, look.height, floor, colors, radii)
         return StyledCloud(opening.renderer, look.style.name, frame)
-    return opening.renderer.prepare(cloud, floor, colors)
+    return PreparedRender(opening.renderer, cloud, floor, colors)
 
 
 def _render_frame(

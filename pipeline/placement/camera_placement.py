@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from z2p_core.camera import DISTANCE, turn
+from z2p_core.camera_placement.familiar_views import FIXED_ELEVATION_TOLERANCE_DEGREES, unfamiliar_view
+from z2p_core.camera_placement.placed_camera import PlacedCamera, place_camera
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.pinhole import AnyCamera, LookAt, PinholeCamera, aimed_camera, check_drawable_size, look_at_camera
-from z2p_core.placement.familiar_views import FIXED_ELEVATION_TOLERANCE_DEGREES, unfamiliar_view
-from z2p_core.placement.placed_camera import PlacedCamera, place_camera
 from z2p_core.placement.viewpoint import Viewpoint, frame_points
 from z2p_core.scene import SIDE_LIMITS
 

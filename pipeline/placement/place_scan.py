@@ -18,13 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, DISTANCE, turn
+from z2p_core.camera_placement.placed_camera import PlacedCamera, place_camera
 from z2p_core.interfaces import ScanError
 from z2p_core.linalg import dot_axis
 from z2p_core.pinhole import LookAt, PinholeCamera
 from z2p_core.placement.background import remove_background, sensor_depths
 from z2p_core.placement.depth_gaps import fill_depth_gaps
 from z2p_core.placement.outliers import above_low_outliers_mask, remove_outliers
-from z2p_core.placement.placed_camera import PlacedCamera, place_camera
 from z2p_core.placement.point_balls import MIN_SURFACE_POINTS, points_to_balls
 from z2p_core.placement.support_plane import support_plane_normal
 from z2p_core.placement.viewpoint import Viewpoint, frame_points

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,9 +21,7 @@ from z2p_core.surface.normals import SurfacePoints, estimate_surface
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS
 from z2p_core.surface.viewer_facing import face_viewer
 from z2p_core.surface.visible_points import visible_points
-
-if TYPE_CHECKING:
-    from z2p_renderer.plugins.gbuffers.surfels import MaterialShader
+from z2p_renderer.plugins.gbuffers._shaders import MaterialShader
 
 MIN_SPACING = 1e-5
 """Smallest spacing of the points that an image shows, in world units."""

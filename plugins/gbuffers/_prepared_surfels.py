@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from threading import Lock
-from typing import TYPE_CHECKING
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -30,23 +30,21 @@ from z2p_core.shading.light_transport import (
     BouncedLight,
     LightField,
     LightScene,
+    Quality,
     begin_floor_visibility,
     begin_point_visibility,
     bounce_light,
     direct_radiance,
 )
 from z2p_core.shading.textured_light import surface_albedo
-from z2p_renderer.plugins.gbuffers._detail import visible_detail
-from z2p_renderer.plugins.gbuffers.surfels import (
+from z2p_renderer.plugins.gbuffers._detail import Detail, visible_detail
+from z2p_renderer.plugins.gbuffers._drawing import (
     SeenPoints,
     SurfelGeometry,
     light_sample_sets,
     light_scene,
     project_surfels,
 )
-
-if TYPE_CHECKING:
-    from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 AZIMUTH_DIGITS = 6
 """Decimals of degrees to which a light's azimuth around the cloud is rounded, so that a light fixed to it is the same
@@ -71,11 +69,29 @@ class KeptLight:
     floor: FloorView
 
 
+class Phases(Protocol):
+    """The phases of a G-buffer's drawing that need what is kept; see `Surfels`."""
+
+    quality: ClassVar[Quality]
+
+    def casters(self, geometry: SurfelGeometry, spacing: float) -> native.ShadowCasters: ...
+
+    def occlude_floor(
+        self, lit: LightScene, casters: native.ShadowCasters, sets: int, sky: np.ndarray | None = None
+    ) -> FloorOcclusion: ...  # fmt: skip
+
+    def draw_lit(
+        self, out: np.ndarray, geometry: SurfelGeometry, detail: Detail | None, discs: native.Discs, field: LightField,
+        seen: SeenPoints, camera: Camera, scene: SceneDescription, albedo: np.ndarray | None,
+        colors_out: np.ndarray | None,
+    ) -> None: ...  # fmt: skip
+
+
 class PreparedSurfels(PreparedCloud):
     """A cloud that `Surfels`, or a G-buffer built on it, draws again and again."""
 
     def __init__(
-        self, gbuffer: Surfels, cloud: np.ndarray, geometry: SurfelGeometry, colors: PointColors | None
+        self, gbuffer: Phases, cloud: np.ndarray, geometry: SurfelGeometry, colors: PointColors | None
     ) -> None:  # fmt: skip
         """`geometry` is that of the cloud (N, 3), of which it may have fewer points."""
         self._surfels, self._cloud, self._geometry, self._colors = gbuffer, cloud, geometry, colors

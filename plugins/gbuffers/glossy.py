@@ -23,16 +23,17 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import Camera
+from z2p_core.camera_placement.placed_camera import PlacedCamera
 from z2p_core.images import srgb_from_linear
 from z2p_core.linalg import dot_axis, row_dots
-from z2p_core.placement.placed_camera import PlacedCamera
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
 from z2p_core.shading.area_light import area_light_quad, area_light_samples
 from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, MaterialChannel
 from z2p_core.shading.light_transport import LightField, base_color
 from z2p_core.shading.microfacet import alpha_from_roughness
 from z2p_core.shading.principled import IOR, Principled
-from z2p_renderer.plugins.gbuffers.surfels import GREY_ALBEDO, MIN_RADIANCE, MaterialShader, Surfels
+from z2p_renderer.plugins.gbuffers._shaders import GREY_ALBEDO, MIN_RADIANCE, MaterialShader
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 SPECULAR_LIGHT_SAMPLES = 36
 """Samples of the area light for its reflection, a square number."""

@@ -18,8 +18,8 @@ from z2p_renderer.plugins.readers._helpers.length_check import (
     check_trailing_bytes,
     trailing_bytes_note,
 )
-from z2p_renderer.plugins.readers._helpers.pcd_binary import read_packed, read_rows, row_dtype, stack_float64
 from z2p_renderer.plugins.readers._helpers.point_fields import ArrayFields, plan_arrays
+from z2p_renderer.plugins.readers._pcd.binary import read_packed, read_rows, row_dtype, stack_float64
 
 _MAX_HEADER_BYTES = 1 << 16
 _MAX_LZF_RATIO = 100

@@ -7,7 +7,7 @@ from html import unescape
 from pathlib import Path
 
 from z2p_renderer.storage.files.printable_names import printable
-from z2p_renderer.storage.images.image_files import PictureError
+from z2p_renderer.storage.images.picture_error import PictureError
 
 MAX_DOCUMENT_BYTES = 1 << 28
 """Larger files are not searched."""

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.errors.messages import UserError, error_reason
+from z2p_core.errors.messages import error_reason
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_write, file_kind
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.files.printable_names import is_file, path_exists, printable
+from z2p_renderer.storage.images.picture_error import PictureError
 from z2p_renderer.storage.images.png import encode_png
 from z2p_renderer.storage.images.record_schema import record_fault
 from z2p_renderer.storage.scans.silenced_libraries import quiet
@@ -30,10 +31,6 @@ RECORD_KEYWORD = "z2p"
 DESCRIPTION_TAG = 0x010E
 """The EXIF and TIFF tag ImageDescription, which holds the record as ``z2p: {...}`` in formats other than PNG."""
 WHITE = (1.0, 1.0, 1.0)
-
-
-class PictureError(UserError):
-    """A picture file that cannot be used; the message says what was expected, what was found, and what to do."""
 
 
 def write_picture(

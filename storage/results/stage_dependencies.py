@@ -221,7 +221,8 @@ NOT_IN_FINGERPRINT: dict[str, str] = {
     "workflows.process.task_log": "writes the log",
     "z2p_core.network.telemetry": "switches off the telemetry of libraries",
     # only for users' clouds
-    "z2p_core.placement.placed_camera": "cameras of users; stages draw with the usual one",
+    "z2p_core.camera_placement.placed_camera": "cameras of users; stages draw with the usual one",
+    "z2p_core.camera_placement.familiar_views": "refuses the network for cameras of users, which no stage has",
     "z2p_core.pinhole": "cameras of users; stages draw with the usual one",
     "z2p_core.placement.viewpoint": "places users' clouds; the pipeline's views are drawn at random",
     "z2p_core.up_axis.axis_names": "parses what users write; the rotations of the axes are listed",

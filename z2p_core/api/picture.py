@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from z2p_core.api.backend import load_backend
+from z2p_core.camera_placement.usual_camera import usual_pinhole
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import SettingError
 from z2p_core.pinhole import PinholeCamera, camera_from_json
-from z2p_core.placement.usual_camera import usual_pinhole
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 
 

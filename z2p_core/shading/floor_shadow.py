@@ -8,7 +8,7 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import Camera
-from z2p_core.placement.placed_camera import PlacedCamera
+from z2p_core.camera_placement.placed_camera import PlacedCamera
 from z2p_core.shading.floor_occlusion import FLOOR_HALF_WIDTH, FloorOcclusion, eroded_share
 from z2p_core.shading.general_floor_shadow import draw_general_floor_shadow
 from z2p_core.shading.light_transport import IRRADIANCE_CELLS, BouncedLight, LightScene

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
+from z2p_core.camera_placement.placed_camera import PlacedCamera
 from z2p_core.native.lighting import Floor
-from z2p_core.placement.placed_camera import PlacedCamera
 
 MIN_DROP = 1e-6
 """Height that a ray loses for each unit of depth from which on it meets the floor."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core import native
+from z2p_core.camera_placement.placed_camera import PlacedCamera, place_camera
 from z2p_core.interfaces import PointColors
 from z2p_core.linalg import rotate_points, row_dots
 from z2p_core.pinhole import PinholeCamera
-from z2p_core.placement.placed_camera import PlacedCamera, place_camera
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.channels import RASTERIZED, GBufferChannel
 from z2p_core.shading.surfels import make_surfels

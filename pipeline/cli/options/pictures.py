@@ -97,7 +97,7 @@ def check_view_options(ctx: click.Context, controls: dict[str, Value], options: 
     for name in ("view", "up"):
         if options["load_camera"] is None or ctx.get_parameter_source(name) is default:
             continue
-        if name == "view" or options["own_cameras"] is None:  # those in the data's units know of no up
+        if name == "view" or options.get("own_cameras") is None:  # those in the data's units know of no up
             raise click.UsageError(f"--load-camera and --{name} both choose the view; leave one out", ctx)
     if isinstance(options["view"], tuple) and "elevation" in controls:
         raise click.UsageError("--view AZ,EL and --elevation both choose the elevation; leave one out", ctx)
@@ -117,7 +117,7 @@ def look_from_options(
     from z2p_renderer.pipeline.inference.look import build_look
     from z2p_renderer.storage.cameras import read_camera
 
-    file, cameras = options["load_camera"], options["own_cameras"]
+    file, cameras = options["load_camera"], options.get("own_cameras")
     return build_look(
         renderer, controls, up=options["up"], view=options["view"], azimuth=options["azimuth"],
         camera=None if file is None or cameras else read_camera(file), keep_outliers=options["keep_outliers"],

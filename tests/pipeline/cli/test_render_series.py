@@ -139,7 +139,7 @@ def test_contradicting_formats_are_refused(render: Callable[..., Result], scans:
     assert render(scans / "one.npy", "--format", "tiff", output=tmp_path / "a.tiff").exit_code == 0
 
 
-@pytest.mark.parametrize(("name", "message"), [("a.bmp", ".png, .webp"), ("a.gif", "z2p animate"), ("a.PDF", ".tiff")])
+@pytest.mark.parametrize(("name", "message"), [("a.bmp", ".png, .webp"), ("a.gif", "z2p animate"), ("a.EPS", ".tiff")])
 def test_unsupported_picture_suffixes_are_refused(
     render: Callable[..., Result], scans: Path, tmp_path: Path, name: str, message: str
 ) -> None:

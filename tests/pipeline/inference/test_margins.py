@@ -26,11 +26,12 @@ from z2p_renderer.storage.scans.clouds import usable
 @pytest.fixture
 def shadowy(monkeypatch: pytest.MonkeyPatch) -> None:
     """A renderer that draws its points alone, as squares, and a shadow all over the picture."""
-    from z2p_core.camera import Camera
+    from z2p_core.camera import Camera, turn
+    from z2p_renderer.pipeline.inference.prepared_render import PreparedRender
 
     def render(
         self: Renderer, cloud: np.ndarray, values: Any = None, width: int = 512, height: int = 512, floor: Any = None,
-        colors: Any = None,
+        colors: Any = None, reduction: Any = None,
     ) -> np.ndarray:  # fmt: skip
         picture = np.zeros((height, width, 4), np.uint8)
         picture[..., 3] = 110
@@ -39,7 +40,13 @@ def shadowy(monkeypatch: pytest.MonkeyPatch) -> None:
         picture[rows, columns] = (200, 100, 50, 255)
         return picture
 
+    def render_prepared(
+        self: PreparedRender, values: Any, width: int, height: int, azimuth: float = 0.0, relight: Any = None
+    ) -> np.ndarray:  # fmt: skip
+        return render(self._renderer, self._cloud @ turn(azimuth).T, values, width, height)
+
     monkeypatch.setattr(Renderer, "render", render)
+    monkeypatch.setattr(PreparedRender, "render", render_prepared)
 
 
 def border(picture: np.ndarray) -> int:

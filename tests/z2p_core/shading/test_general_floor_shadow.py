@@ -7,10 +7,10 @@ import pytest
 
 from z2p_core import native
 from z2p_core.camera import Camera
+from z2p_core.camera_placement.placed_camera import PlacedCamera, place_camera
+from z2p_core.camera_placement.usual_camera import usual_pinhole
 from z2p_core.native.lighting import Floor
 from z2p_core.pinhole import aimed_camera
-from z2p_core.placement.placed_camera import PlacedCamera, place_camera
-from z2p_core.placement.usual_camera import usual_pinhole
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.general_floor_shadow import draw_general_floor_shadow
 

@@ -107,7 +107,7 @@ class RenderBackend:
             SettingError: a setting is invalid.
             PictureError: no film can have the path's suffix, or its extra is not installed.
         """
-        from z2p_renderer.pipeline.inference.film_backend import write_film  # late: few calls need it
+        from z2p_renderer.pipeline.studio.film_backend import write_film  # late: few calls need it
 
         check_animation_suffix(path.suffix.lower())
         scans: list[tuple[Scan, str]] = []

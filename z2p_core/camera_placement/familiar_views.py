@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from z2p_core.placement.placed_camera import FRAME_PER_FOCAL, PlacedCamera
+from z2p_core.camera_placement.placed_camera import FRAME_PER_FOCAL, PlacedCamera
 
 MIN_DISTANCE_RADII = 1.3
 """Distance from the camera to the middle of the cloud, in the cloud's radius, below which perspective is too strong.

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from z2p_core.camera import Camera, turn
+from z2p_core.camera_placement.familiar_views import roll_degrees, unfamiliar_view
+from z2p_core.camera_placement.placed_camera import PlacedCamera, place_camera
+from z2p_core.camera_placement.usual_camera import usual_pinhole
 from z2p_core.pinhole import PinholeCamera, pinhole_camera
-from z2p_core.placement.familiar_views import roll_degrees, unfamiliar_view
-from z2p_core.placement.placed_camera import PlacedCamera, place_camera
-from z2p_core.placement.usual_camera import usual_pinhole
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.rotations import random_rotation
 

@@ -1,0 +1,1 @@
+"""Cameras in the data's units, as placed clouds see them."""
