@@ -11,7 +11,7 @@ from pypcd4 import Encoding, PointCloud
 
 from z2p_core.formats import row_subsampling
 from z2p_renderer.plugins.readers import las
-from z2p_renderer.plugins.readers._helpers import pcd_binary
+from z2p_renderer.plugins.readers._pcd import binary as pcd_binary
 from z2p_renderer.plugins.readers.e57 import E57
 from z2p_renderer.plugins.readers.las import Las
 from z2p_renderer.plugins.readers.pcd import Pcd
