@@ -23,6 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads 
 COMMANDS = {
     "render": ("render:render", "Render point clouds to pictures."),
     "run-inference": ("render:render", "The same as render, by its older name."),
+    "view": ("view:view", "Look around scans in the browser."),
     "animate": ("animate:animate", "Make turntables and light sweeps of point clouds."),
     "rerender": ("rerender:rerender", "Draw a picture again with something changed."),
     "info": ("info:info", "Show what made a picture."),

@@ -107,6 +107,10 @@ class ViewedScans:
         self.fields = [name for name in fields if name not in VECTOR_FIELDS]
         return panes
 
+    def turn(self) -> RLock:
+        """What a thread holds while it draws; see the class."""
+        return self._lock
+
     def sliders(self, weights: str) -> dict[str, Slider]:
         """The sliders of all controls that the weights carry; with ``auto``, of all that shipped weights carry.
 
