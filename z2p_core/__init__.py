@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from z2p_core.api.previewer import Previewer as Previewer
     from z2p_core.api.render import RenderWarning as RenderWarning
     from z2p_core.api.render import render as render
+    from z2p_core.api.view import view as view
     from z2p_core.interfaces import ScanError as ScanError
     from z2p_core.interfaces import SettingError as SettingError
 
@@ -22,7 +23,8 @@ __version__ = "0.1.0"
 
 _LATE = {
     "render": "z2p_core.api.render", "Picture": "z2p_core.api.picture", "Previewer": "z2p_core.api.previewer",
-    "RenderWarning": "z2p_core.api.render", "ScanError": "z2p_core.interfaces", "SettingError": "z2p_core.interfaces",
+    "RenderWarning": "z2p_core.api.render", "view": "z2p_core.api.view",
+    "ScanError": "z2p_core.interfaces", "SettingError": "z2p_core.interfaces",
 }  # fmt: skip
 """Public name -> module; imported when first used, so that `z2p --help` waits for none of it."""
 

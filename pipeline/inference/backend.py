@@ -94,6 +94,14 @@ class RenderBackend:
         """
         return parse_background(background)
 
+    def start_viewer(
+        self, points: Path | Sequence[Path] | Sequence[np.ndarray], fields: Sequence[Mapping[str, np.ndarray]], up: str
+    ) -> Any:
+        """A running viewer of files, or of clouds (N, 3) with the fields of each; see `z2p_core.view`."""
+        from z2p_renderer.pipeline.viewer.background import start_viewer  # late: few programs look around
+
+        return start_viewer(points, fields, up)
+
     def draw_message(self, text: str, size: tuple[int, int]) -> np.ndarray:
         """Image (H, W, 4) uint8 that shows the text, instead of a cloud that could not be rendered."""
         from PIL import Image, ImageDraw, ImageFont

@@ -52,7 +52,7 @@ class Saver:
         is_single = len(self._scans.panes) == 1 and len(inputs) == 1
         output = self._folder / f"{self._scans.paths[0].stem}.png" if is_single else self._folder
         words = [*state.options(), *self._words, "--overwrite"]
-        call = call_text(inputs, str(output), state.keywords(), self._camera_name(state))
+        call = call_text(inputs, str(output), state.keywords(self._up), self._camera_name(state))
         if self._source is not None:
             call = call.replace(repr(inputs[0]), self._source, 1)
         return Recipe(command_words(inputs, str(output), words), command_text(inputs, str(output), words), call, output)
