@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from z2p_core.interfaces import SettingError
 from z2p_renderer.pipeline.viewer.view_state import ViewState, call_text, command_text, command_words
@@ -52,9 +53,9 @@ class Saver:
         is_single = len(self._scans.panes) == 1 and len(inputs) == 1
         output = self._folder / f"{self._scans.paths[0].stem}.png" if is_single else self._folder
         words = [*state.options(), *self._words, "--overwrite"]
-        call = call_text(inputs, str(output), state.keywords(self._up), self._camera_name(state))
-        if self._source is not None:
-            call = call.replace(repr(inputs[0]), self._source, 1)
+        sources = [repr(name) for name in inputs] if self._source is None else [self._source]
+        has_batches = len(self._scans.panes) > len(inputs)
+        call = call_text(sources, str(output), self._keywords(state), has_batches)
         return Recipe(command_words(inputs, str(output), words), command_text(inputs, str(output), words), call, output)
 
     def save_pictures(self, state: ViewState) -> list[Path]:
@@ -101,9 +102,16 @@ class Saver:
         several = sum(other.path.stem == pane.path.stem for other in self._scans.panes) > 1
         return self._folder / f"{pane.path.stem}{f'-{self._scans.panes.index(pane)}' if several else ''}-camera.json"
 
-    def _camera_name(self, state: ViewState) -> str | None:
-        """The camera file that a call in Python needs for a frame that clouds share, which has no keyword."""
-        return str(self._folder / "camera.json") if state.same_frame else None
+    def _keywords(self, state: ViewState) -> dict[str, Any]:
+        """The keywords of the call in Python: a frame and a scale that clouds share have no keyword of their own."""
+        keywords = state.keywords(self._up)
+        limits = self._scans.common_limits(state)
+        if limits is not None:
+            keywords["clim"] = limits
+        if state.same_frame:  # the camera stands for the up axis and the view
+            keywords = {name: value for name, value in keywords.items() if name not in ("up", "view")}
+            keywords["camera"] = str(self._folder / "camera.json")
+        return keywords
 
 
 def _outputs_of(json_lines: str) -> list[Path]:

@@ -164,15 +164,24 @@ def command_words(inputs: list[str], output: str, words: list[str]) -> list[str]
     return ["run-inference", *files, "--output", output, *words]
 
 
-def call_text(inputs: list[str], output: str, keywords: Mapping[str, Any], camera: str | None = None) -> str:
-    """The call in Python, for one file or a loop over several; `output` is a picture's name, or a folder's."""
-    given = {**keywords, **({} if camera is None else {"camera": camera})}
-    words = "".join(f", {name}={value!r}" for name, value in given.items())
-    if len(inputs) == 1 and Path(output).suffix == ".png":
-        return f"import z2p_core\nz2p_core.render({inputs[0]!r}{words}).save({output!r})"
-    lines = ["from pathlib import Path", "import z2p_core", f"for scan in map(Path, {inputs!r}):",
-             f"    for index, picture in enumerate(z2p_core.render(scan{words})):",
-             f'        picture.save(Path({output!r}) / f"{{scan.stem}}_{{index:03d}}.png")']  # fmt: skip
+def call_text(sources: list[str], output: str, keywords: Mapping[str, Any], has_batches: bool = False) -> str:
+    """The call in Python, for one file or a loop over several.
+
+    Args:
+        sources: Python expressions of the points, such as a quoted path.
+        output: a picture's name, or that of a folder.
+        keywords: of `z2p_core.render`.
+        has_batches: whether a file may hold several clouds.
+    """
+    words = "".join(f", {name}={value!r}" for name, value in keywords.items())
+    if len(sources) == 1 and Path(output).suffix == ".png":
+        return f"import z2p_core\nz2p_core.render({sources[0]}{words}).save({output!r})"
+    lines = ["from pathlib import Path", "import z2p_core", f"for scan in map(Path, [{', '.join(sources)}]):"]
+    if not has_batches:
+        lines.append(f"    z2p_core.render(scan{words}).save(Path({output!r}) / f\"{{scan.stem}}.png\")")
+    else:
+        lines += [f"    for index, picture in enumerate(z2p_core.render(scan{words})):",
+                  f"        picture.save(Path({output!r}) / f\"{{scan.stem}}_{{index:03d}}.png\")"]  # fmt: skip
     return "\n".join(lines)
 
 

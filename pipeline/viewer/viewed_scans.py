@@ -160,6 +160,13 @@ class ViewedScans:
             return View(rendered.picture, look.background, placed, rendered.viewpoint.elevation, rendered.viewpoint,
                         note)  # fmt: skip
 
+    def common_limits(self, state: ViewState) -> tuple[float, float] | None:
+        """The ends of the colormap that several clouds share; None where there is one cloud, or no such field."""
+        if len(self.panes) == 1 or not state.has_field:
+            return None
+        with self._lock:
+            return self._with_common_scale(state, *self._look(state)).color_options.limits
+
     def _look(self, state: ViewState) -> tuple[AnyRenderer, Look]:
         """The renderer and the look of the state's options."""
         parsed = parse_options(state.options())
@@ -216,7 +223,7 @@ class ViewedScans:
             opening = draw_opening(selected, scan, suffix, plain)
             return opening, prepare_scan(opening, scan, suffix, plain)
 
-        colors = ("color" in look.values, *([] if look.color_options.by else []), repr(look.color_options))
+        colors = ("color" in look.values, look.color_options)
         key = ("prepared", pane, id(scan), id(renderer), placing, look.margin, start.same_frame, colors)
         return self._keep(key, KEPT_PREPARED * len(self.panes), prepare)
 
