@@ -167,8 +167,10 @@ def _without_undrawn_colors(request: RenderRequest, renderer: AnyRenderer) -> tu
     if not all("rgb" in one for one in fields):
         return request, "these weights draw no per-point colours: they are left out; choose one with color="
     means = tuple(mean_color(one["rgb"]) for one in fields)
-    note = (f"these weights draw no per-point colours: the whole object has their mean, {name_colors(means)}; choose "
-            "another with color=")
+    note = (
+        f"these weights draw no per-point colours: the whole object has their mean, {name_colors(means)}; choose "
+        "another with color="
+    )
     return replace(request, colors=means), note
 
 
@@ -258,8 +260,9 @@ def _view(view: Any) -> str | float | tuple[float, float]:
     try:
         azimuth, elevation = view
     except (TypeError, ValueError):
-        raise SettingError(f"expected view {', '.join(NAMED_VIEWS)}, an azimuth or (azimuth, elevation), got "
-                           f"{view!r}") from None
+        raise SettingError(
+            f"expected view {', '.join(NAMED_VIEWS)}, an azimuth or (azimuth, elevation), got {view!r}"
+        ) from None
     return _angle("azimuth of view", azimuth), _angle("elevation of view", elevation)
 
 
@@ -293,8 +296,10 @@ def _notes(scan: Scan, rendered: RenderedScan, look: Look) -> Iterator[str]:
     if placement.outlier_count:
         yield f"{placement.outliers_message} left out of the frame; keep_outliers=True keeps all"
     if placement.background_count:
-        yield (f"{placement.background_count} points far behind the depth camera's subject were left out; "
-               "keep_outliers=True keeps them")
+        yield (
+            f"{placement.background_count} points far behind the depth camera's subject were left out; "
+            "keep_outliers=True keeps them"
+        )
     if placement.smoothing_radius and look.placement_options.smooth == "auto":
         yield "the depth camera's noisy cloud was made smooth; smooth=0 leaves it as it is"
     if placement.rounding_step:

@@ -115,7 +115,9 @@ class ViewServer(ThreadingHTTPServer):
         """Says nothing of connections that a browser has given up; anything else is shown, as by default."""
         import sys
 
-        if not isinstance(sys.exception() if hasattr(sys, "exception") else sys.exc_info()[1], ConnectionError | TimeoutError):
+        if not isinstance(
+            sys.exception() if hasattr(sys, "exception") else sys.exc_info()[1], ConnectionError | TimeoutError
+        ):
             super().handle_error(request, client_address)
 
     def count_page(self, page: str, is_open: bool) -> None:
@@ -252,8 +254,11 @@ class _Handler(BaseHTTPRequestHandler):
                 self._answer(b"", "text/plain", status=HTTPStatus.NO_CONTENT)
                 return
             view = scans.draft(pane, state) if is_draft else scans.full(pane, state)
-        self._answer(encode_view(view, is_draft), "image/png",
-                     {"X-View": json.dumps({"azimuth": view.azimuth, "elevation": view.elevation, "note": view.note})})
+        self._answer(
+            encode_view(view, is_draft),
+            "image/png",
+            {"X-View": json.dumps({"azimuth": view.azimuth, "elevation": view.elevation, "note": view.note})},
+        )
 
     def _recipe(self, body: dict[str, Any]) -> None:
         recipe = self.server.saver.recipe(state_from_json(body.get("state")))

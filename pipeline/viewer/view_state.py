@@ -178,7 +178,7 @@ def call_text(sources: list[str], output: str, keywords: Mapping[str, Any], has_
         return f"import z2p_core\nz2p_core.render({sources[0]}{words}).save({output!r})"
     lines = ["from pathlib import Path", "import z2p_core", f"for scan in map(Path, [{', '.join(sources)}]):"]
     if not has_batches:
-        lines.append(f"    z2p_core.render(scan{words}).save(Path({output!r}) / f\"{{scan.stem}}.png\")")
+        lines.append(f'    z2p_core.render(scan{words}).save(Path({output!r}) / f"{{scan.stem}}.png")')
     else:
         lines += [f"    for index, picture in enumerate(z2p_core.render(scan{words})):",
                   f"        picture.save(Path({output!r}) / f\"{{scan.stem}}_{{index:03d}}.png\")"]  # fmt: skip

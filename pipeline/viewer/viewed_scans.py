@@ -227,9 +227,7 @@ class ViewedScans:
         key = ("prepared", pane, id(scan), id(renderer), placing, look.margin, start.same_frame, colors)
         return self._keep(key, KEPT_PREPARED * len(self.panes), prepare)
 
-    def _with_common_frame(
-        self, state: ViewState, renderer: AnyRenderer, look: Look
-    ) -> tuple[AnyRenderer, Look]:
+    def _with_common_frame(self, state: ViewState, renderer: AnyRenderer, look: Look) -> tuple[AnyRenderer, Look]:
         """The renderer and the look of `z2p run-inference --same-frame`."""
         from z2p_renderer.pipeline.batch.common_view import common_viewpoint
         from z2p_renderer.pipeline.inference.weight_selection import select_renderer

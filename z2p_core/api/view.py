@@ -47,8 +47,10 @@ class Viewer:
 
     def _repr_html_(self) -> str:
         address = html.escape(self.address, quote=True)
-        return (f'<iframe src="{address}" width="100%" height="{self._height}" style="border:0" '
-                f'allow="clipboard-write"></iframe><div><a href="{address}" target="_blank">open in a tab</a></div>')
+        return (
+            f'<iframe src="{address}" width="100%" height="{self._height}" style="border:0" '
+            f'allow="clipboard-write"></iframe><div><a href="{address}" target="_blank">open in a tab</a></div>'
+        )
 
 
 def view(points: Any, colors: Any = None, *, up: str | None = None, height: int = 640) -> Viewer:
@@ -66,7 +68,9 @@ def view(points: Any, colors: Any = None, *, up: str | None = None, height: int 
         ScanError: the points are no cloud (a ValueError).
         SettingError: the colors are none (a ValueError).
     """
-    is_list_of_paths = isinstance(points, list | tuple) and points and all(isinstance(one, str | Path) for one in points)
+    is_list_of_paths = (
+        isinstance(points, list | tuple) and points and all(isinstance(one, str | Path) for one in points)
+    )
     if isinstance(points, str | Path) or is_list_of_paths:
         paths = [Path(points)] if isinstance(points, str | Path) else [Path(one) for one in points]
         return Viewer(load_backend().start_viewer(paths, (), up or "auto"), height)

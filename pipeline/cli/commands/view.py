@@ -15,13 +15,27 @@ from z2p_renderer.pipeline.cli.options.pictures import check_writable, parse_col
 
 @click.command(context_settings={"show_default": True})
 @click.argument("inputs", nargs=-1, required=True, metavar="SCAN...")
-@click.option("--output", "-o", default="pictures", type=OutputPath(), metavar="OUT",
-              help="Folder that the page's buttons save pictures and cameras to.")
-@click.option("--host", default="127.0.0.1", metavar="HOST",
-              help="Address to listen on. The default is reached from this machine only; 0.0.0.0 from all of the "
-              "network, by whoever knows the printed address.")
-@click.option("--port", type=click.IntRange(0, 65535), show_default=False,
-              help="Port to listen on.  [default: 8731, or a free one if that is in use]")
+@click.option(
+    "--output",
+    "-o",
+    default="pictures",
+    type=OutputPath(),
+    metavar="OUT",
+    help="Folder that the page's buttons save pictures and cameras to.",
+)
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    metavar="HOST",
+    help="Address to listen on. The default is reached from this machine only; 0.0.0.0 from all of the "
+    "network, by whoever knows the printed address.",
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    show_default=False,
+    help="Port to listen on.  [default: 8731, or a free one if that is in use]",
+)
 @click.option("--no-browser", is_flag=True, help="Print the address only.")
 @click.option("--keep", is_flag=True, help="Go on when the page is closed; Ctrl+C ends it.")
 @click.option("--engine", metavar="NAME", help="Engine that runs the network, as for z2p render.")
