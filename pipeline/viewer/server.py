@@ -202,7 +202,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _place(self) -> str:
         """The path behind the token; empty if the request is refused."""
         path = self.path.partition("?")[0]
-        _, token, place = (path.split("/", 2) + ["", ""])[:3]
+        _, token, place = [*path.split("/", 2), "", ""][:3]
         if not hmac.compare_digest(token.encode(), self.server.token.encode()):
             self._refuse(HTTPStatus.FORBIDDEN, "wrong address: open the one that z2p view printed")
         elif not self._is_own_host():

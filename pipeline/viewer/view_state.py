@@ -71,7 +71,7 @@ class ViewState:
             "colors": _unless(self.color_by, AUTO), "cmap": self.colormap if self.has_field else "",
             "size": None if self.size == (DEFAULT_SIZE, DEFAULT_SIZE) else self.size,
             "background": _unless(self.background, "transparent"), "margin": self.margin,
-            "color_bar": self.color_bar and self.has_field or None, "keep_outliers": self.keep_outliers or None,
+            "color_bar": (self.color_bar and self.has_field) or None, "keep_outliers": self.keep_outliers or None,
         }  # fmt: skip
         return {name: value for name, value in given.items() if value is not None and value != ""}
 
@@ -211,8 +211,8 @@ def _number(given: Any, name: str) -> float:
 
 
 def _text(given: Any, name: str) -> str:
-    if not isinstance(given, str) or len(given) > MAX_TEXT or not given.isprintable() or given.startswith("-") and (
+    if not isinstance(given, str) or len(given) > MAX_TEXT or not given.isprintable() or (given.startswith("-") and (
         name != "up"
-    ):  # fmt: skip
+    )):  # fmt: skip
         raise SettingError(f"{name}: expected a short text, got {str(given)[:MAX_TEXT]!r}")
     return given

@@ -207,7 +207,7 @@ class ViewedScans:
     def _prepared(
         self, pane: Pane, state: ViewState, renderer: AnyRenderer, look: Look
     ) -> tuple[RenderedScan, PreparedRender]:
-        """The pane's opening and its prepared cloud, in the automatic view, or in one that every azimuth starts from."""
+        """The pane's opening and its prepared cloud, in the automatic view, or in the front one, which is turned."""
         start = replace(state, azimuth=None if state.azimuth is None else 0.0)
         placing = replace(look.placement_options, view="auto" if start.azimuth is None else 0.0)
         look = replace(look, placement_options=placing)
