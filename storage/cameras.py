@@ -8,11 +8,15 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from z2p_core.interfaces import SettingError
+from z2p_core.pinhole import PinholeCamera, camera_from_json
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_renderer.storage.files.atomic_write import atomic_write, file_kind
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_exists, printable
 from z2p_renderer.storage.images.image_files import FORMATS, PictureError, read_record
+from z2p_renderer.storage.poses.colmap_poses import is_colmap_model
+from z2p_renderer.storage.poses.nerfstudio_poses import is_transforms
+from z2p_renderer.storage.poses.read_poses import LIST_KEY, MAX_POSE_BYTES, is_pinhole_json, read_poses
 
 MAX_CAMERA_BYTES = 1 << 16
 """Camera files are smaller; larger files are not read."""
@@ -40,6 +44,40 @@ def check_camera_place(path: Path, taken: Iterable[Path] = ()) -> None:
 def write_camera(viewpoint: Viewpoint, path: Path) -> None:
     """Writes a viewpoint as a JSON file, atomically."""
     atomic_write((json.dumps(viewpoint.to_json(), indent=2) + "\n").encode(), path)
+
+
+def read_any_camera(path: Path) -> Viewpoint | PinholeCamera:
+    """The viewpoint in a file, see `read_camera`, or the only camera in the data's units that it holds.
+
+    Raises:
+        SettingError: the file is missing, or holds neither; or it holds several cameras.
+    """
+    found = read_pinholes(path)
+    if found is None:
+        return read_camera(path)
+    if len(found[0]) > 1:
+        raise SettingError(
+            f"cameras {printable(path)}: expected one camera, got {len(found[0])}; choose one of "
+            "z2p_core.read_cameras(path)"
+        )
+    return found[0][0]
+
+
+def read_pinholes(path: Path) -> tuple[list[PinholeCamera], str] | None:
+    """The cameras in the data's units of a file, or of a picture's record, and a note on what was left out of them.
+
+    None where the file is missing or holds a viewpoint, which `read_camera` reads.
+
+    Raises:
+        SettingError: the file holds neither.
+    """
+    if path.suffix.lower() in (*FORMATS, ".gif"):
+        try:
+            pinhole = read_record(path).get("pinhole")
+        except (PictureError, OSError):  # `read_camera` says so
+            return None
+        return None if pinhole is None else ([camera_from_json(pinhole)], "")
+    return None if _is_viewpoint(path) else read_poses(path)
 
 
 def read_camera(path: Path) -> Viewpoint:
@@ -87,10 +125,26 @@ def _is_same_file(path: Path, other: Path) -> bool:
     )
 
 
-def _is_camera(path: Path) -> bool:
+def _is_viewpoint(path: Path) -> bool:
+    """Whether a file is missing, so that `read_camera` says so, or holds a viewpoint; COLMAP's files are none."""
+    if is_colmap_model(path) or path.is_dir():
+        return False
     try:
-        if not path.is_file() or path.stat().st_size > MAX_CAMERA_BYTES:
+        with path.open("rb") as file:
+            head = file.read(MAX_CAMERA_BYTES + 1)
+        data = read_json(head, MAX_CAMERA_BYTES)
+    except (OSError, ValueError):  # a long list of cameras, say
+        return not path.is_file() or path.stat().st_size <= MAX_CAMERA_BYTES
+    has_list = isinstance(data, list) or (isinstance(data, dict) and LIST_KEY in data)
+    return not (has_list or is_transforms(data) or is_pinhole_json(data))
+
+
+def _is_camera(path: Path) -> bool:
+    """Whether a file is one that --save-camera wrote, which another may replace."""
+    try:
+        if not path.is_file() or path.stat().st_size > MAX_POSE_BYTES:
             return False
-        return "z2p_camera" in read_json(path.read_bytes(), MAX_CAMERA_BYTES)
+        data = read_json(path.read_bytes(), MAX_POSE_BYTES)
+        return "z2p_camera" in data or all("z2p_pinhole" in one for one in (data if isinstance(data, list) else [data]))
     except (OSError, ValueError, TypeError):
         return False

@@ -18,7 +18,18 @@ import h5py
 import numpy as np
 
 from z2p_core.errors.messages import UserError
-from z2p_core.errors.value_limits import AnyOf, Count, JsonObject, ListOf, MappingOf, Number, OrNone, Text, check_value
+from z2p_core.errors.value_limits import (
+    AnyOf,
+    Boolean,
+    Count,
+    JsonObject,
+    ListOf,
+    MappingOf,
+    Number,
+    OrNone,
+    Text,
+    check_value,
+)
 from z2p_core.scene import SceneDescription
 from z2p_renderer.storage.files.atomic_write import atomic_path
 
@@ -29,8 +40,12 @@ _NUMBER, _NAME = Number(-1e9, 1e9), Text("a line of text")
 ATTRIBUTES = JsonObject({
     "schema": Count(SCHEMA, SCHEMA), "mesh": _NAME, "resolution": Count(1, 1 << 16),
     "controls": ListOf(JsonObject({"name": _NAME, "version": _NAME, "size": Count(1, 1000)}), 1, 1000),
-})  # fmt: skip
+}, {"textured": Boolean()})  # fmt: skip
 """What a shard's attributes may be; more may be there."""
+MAX_TEXTURE_BYTES = 512
+"""Room for a texture as JSON."""
+TEXTURE = OrNone(JsonObject({"name": _NAME, "seed": ListOf(Count(0, 1 << 128), 1, 100)}))
+"""The name of a texture plugin and the seed of its random numbers; null for a mesh in one color."""
 SCENE = JsonObject(
     {"elevation": _NUMBER, "lift": _NUMBER, "light": ListOf(_NUMBER, 3, 3),
      "rotation": ListOf(ListOf(_NUMBER, 3, 3), 3, 3),
@@ -63,6 +78,8 @@ class Record:
     """(S,) float32, that of the same scene with left and right exchanged."""
     scene: SceneDescription
     """What was rendered."""
+    texture: dict[str, Any] | None = None
+    """``name`` and ``seed`` of the texture that gave the mesh its colors; None for the color of the settings."""
 
 
 def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attributes: dict[str, Any]) -> str:
@@ -70,6 +87,7 @@ def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attribu
 
     `pool` is (P, 3), normalised to the mesh's sphere and not rotated. `attributes` must have `mesh` (a name),
     `controls` (a list of {name, version, size} in the settings vector's order) and `resolution`; more may be there.
+    `textured` says whether the records' textures are kept.
 
     Raises:
         ShardError: no record, or one whose shape does not fit the attributes.
@@ -91,8 +109,7 @@ def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attribu
                 else:
                     for row, record in enumerate(kept):
                         where = f"{path}: record {row}: {name}"
-                        value = _scene_bytes(record.scene, where) if name == "scene" else getattr(record, name)
-                        data[row] = _check_shape(value, shape[1:], where)
+                        data[row] = _check_shape(_stored(record, name, where), shape[1:], where)
         digest = _fsync_and_digest(temporary)
     return digest
 
@@ -134,7 +151,8 @@ class Shard:
             arrays = {name: file[name][index] for name in ("rgba", "coverage", "settings", "mirrored_settings")}
             for name in ("settings", "mirrored_settings"):
                 _check_finite(arrays[name], f"record {index}: {name}")
-            return Record(**arrays, scene=_scene(file["scene"][index]))
+            texture = _texture(file["texture"][index]) if self.attributes.get("textured") else None
+            return Record(**arrays, scene=_scene(file["scene"][index]), texture=texture)
         except Exception as error:  # as above
             raise self._damaged(error) from error
 
@@ -200,6 +218,7 @@ def _layout(
         raise ShardError(f"{path}: expected records, points and attributes, got {count}, {points}, without {missing}")
     side = int(attributes["resolution"])
     settings = sum(int(control["size"]) for control in attributes["controls"])
+    textures = {"texture": ((count,), np.dtype(f"S{MAX_TEXTURE_BYTES}"))} if attributes.get("textured") else {}
     return {
         "rgba": ((count, side, side, 4), np.uint8),
         "coverage": ((count, side, side), np.uint8),
@@ -207,14 +226,30 @@ def _layout(
         "mirrored_settings": ((count, settings), np.float32),
         "scene": ((count,), np.dtype(f"S{MAX_SCENE_BYTES}")),
         "pool": ((points, 3), np.float32),
+        **textures,
     }
 
 
-def _scene_bytes(scene: SceneDescription, where: str) -> bytes:
-    text = json.dumps(scene.to_json(), separators=(",", ":")).encode()
-    if len(text) > MAX_SCENE_BYTES:
-        raise ShardError(f"{where}: expected at most {MAX_SCENE_BYTES} bytes of JSON, got {len(text)}")
+def _stored(record: Record, name: str, where: str) -> Any:
+    """A record's value as the data set `name` holds it."""
+    if name == "scene":
+        return _json_bytes(record.scene.to_json(), MAX_SCENE_BYTES, where)
+    if name == "texture":
+        return _json_bytes(record.texture, MAX_TEXTURE_BYTES, where)
+    return getattr(record, name)
+
+
+def _json_bytes(value: Any, limit: int, where: str) -> bytes:
+    text = json.dumps(value, separators=(",", ":")).encode()
+    if len(text) > limit:
+        raise ShardError(f"{where}: expected at most {limit} bytes of JSON, got {len(text)}")
     return text
+
+
+def _texture(text: bytes) -> dict[str, Any] | None:
+    texture: dict[str, Any] | None = json.loads(bytes(text))
+    check_value(texture, TEXTURE, "texture")
+    return texture
 
 
 def _scene(text: bytes) -> SceneDescription:

@@ -18,7 +18,9 @@ from z2p_core.interfaces import ScanError
 from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.storage.meshes import find_meshes
 from z2p_renderer.storage.results.fingerprints import (
+    RENDER_STAGE,
     STAGE_VERSIONS,
+    TEXTURED_RENDER_STAGE,
     file_digest,
     fingerprint,
     plugin_fields,
@@ -148,12 +150,12 @@ def _mesh_steps(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
     shapes = _shapes_upstream([mesh])
     provenance = {"mesh": str(mesh.path or "builtin")}
     pool = Step(Entry("sample", f"sample/{mesh.name}", _sample_fields(config, mesh), provenance), shapes, mesh)
-    render = _render_fields(config, mesh)
+    render, stage = _render_fields(config, mesh), render_stage(config)
     chunks = []
     for first in range(0, config.render.views, config.render.chunk):
         last = min(first + config.render.chunk, config.render.views)
         fields = {**render, "first": first, "last": last}
-        entry = Entry("render", f"render/{mesh.name}/{first}-{last}", fields, provenance)
+        entry = Entry(stage, f"render/{mesh.name}/{first}-{last}", fields, provenance)
         chunks.append(Step(entry, shapes, mesh, (first, last)))
     shard = stage_fields("shard") | {
         # all renders together: how the views were divided into chunks does not matter
@@ -186,7 +188,16 @@ def _render_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
     for name in ("views", "chunk"):
         del parameters[name]
     parameters["controls"] = _control_fields(config)
-    return stage_fields("render") | {"mesh": mesh.identity, "parameters": parameters}
+    textures, share = parameters.pop("textures"), parameters.pop("textured_share")
+    if textures:  # without, renders stay valid that were made before these keys existed
+        parameters["textures"] = [plugin_fields(registry.load("textures", name)) for name in textures]
+        parameters["textured_share"] = share
+    return stage_fields(render_stage(config)) | {"mesh": mesh.identity, "parameters": parameters}
+
+
+def render_stage(config: PipelineConfig) -> str:
+    """The stage of a config's renders: those with textures are made by other code."""
+    return TEXTURED_RENDER_STAGE if config.render.textures else RENDER_STAGE
 
 
 def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, Any]:
@@ -198,6 +209,8 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
     network = parameters["network"]
     if network["conditioning"] == NetworkConfig.conditioning:
         del network["conditioning"]  # keeps results adoptable that were made before this key existed
+    if conditions := network.pop("conditions"):  # as above
+        network["conditions"] = [plugin_fields(registry.load("conditions", name)) for name in conditions]
     network["zbuffer"] = plugin_fields(registry.load("zbuffers", network["zbuffer"]))
     network["gbuffer"] = plugin_fields(registry.load("gbuffers", network["gbuffer"]))
     network["encoder"] = plugin_fields(registry.load("encoders", network["encoder"]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from z2p_renderer.storage.results.fingerprints import RENDER_STAGES
 from z2p_renderer.workflows.process.task_log import log_line
 from z2p_renderer.workflows.stage_task import StageTask
 from z2p_renderer.workflows.upkeep.reuse_views import copy_existing_views
@@ -49,6 +50,22 @@ class RenderChunk(StageTask):
         render_chunk(self.mesh_path(), step.mesh.identity, *step.views, self.plan.config.render, out, log=log_line)
 
 
+class TexturedRenderChunk(StageTask):
+    """The same of views of which some have textures."""
+
+    stage = "textured_render"
+    resumable = True
+
+    def make(self, out: Path) -> None:
+        from z2p_renderer.pipeline.rendering.textured_views import render_textured_chunk
+
+        step, config = self.step, self.plan.config.render
+        if step.mesh is None:
+            raise ValueError(f"{self.step_name} has no mesh")
+        copy_existing_views(self.store, step.entry, range(*step.views), out)
+        render_textured_chunk(self.mesh_path(), step.mesh.identity, *step.views, config, out, log=log_line)
+
+
 class ShardMesh(StageTask):
     """A mesh's renders and points in one HDF5 file."""
 
@@ -63,7 +80,8 @@ class ShardMesh(StageTask):
         controls = load_controls(config.render.controls)
         # told by its content, not by a name that may change while the shard stays
         identity = mesh.identity[:16] if mesh else ""
-        make_shard(self.upstream_folders("render"), pool, config.shard, controls, out, identity)
+        renders = [folder for stage in RENDER_STAGES for folder in self.upstream_folders(stage)]
+        make_shard(renders, pool, config.shard, controls, out, identity)
 
 
 class Train(StageTask):

@@ -10,7 +10,7 @@ from typing import Any
 
 from z2p_renderer.storage.results.adoption import VIEW_RANGE
 from z2p_renderer.storage.results.differences import compare_fields
-from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS
+from z2p_renderer.storage.results.fingerprints import RENDER_STAGES, STAGE_VERSIONS
 from z2p_renderer.storage.results.manifests import MANIFEST
 from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.plan import AnyPlan, Step
@@ -117,7 +117,7 @@ class _PreviousResults:
 
     def newest(self, step: Step) -> dict[str, Any] | None:
         """Manifest of the newest result with the step's name; for a render also one with another range of views."""
-        if step.name in self._newest or step.entry.stage != "render":
+        if step.name in self._newest or step.entry.stage not in RENDER_STAGES:
             return self._newest.get(step.name)
         mesh = _drop_view_range(step.name)
         same_mesh = [manifest for name, manifest in self._newest.items() if _drop_view_range(name) == mesh]
@@ -126,7 +126,7 @@ class _PreviousResults:
     def has_changed(self, step: Step, downstream_json: str) -> bool:
         """Whether a downstream result, given by its fields as JSON, was made from another result than the step's."""
         previous = self.newest(step)
-        if step.entry.stage in ("render", "shapes"):  # fields downstream refer to these by mesh, not by fingerprint
+        if step.entry.stage in (*RENDER_STAGES, "shapes"):  # downstream refers to these by mesh, not by fingerprint
             return previous is None or bool(
                 compare_fields(_without_view_range(previous["fields"]), _without_view_range(step.entry.fields))
             )

@@ -20,6 +20,8 @@ FIELD_OF_VIEW = 40.0
 """Angle across the shorter side of the image, in degrees: vertical in square and landscape ones, so nothing is cut."""
 DEFAULT_ELEVATION = 20.0
 """Degrees above the horizon."""
+NEAR_PLANE = 0.1
+"""Smallest depth that is drawn, in world units."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,39 @@ class Camera:
     def focal(self) -> float:
         """Focal length in pixels."""
         return min(self.width, self.height) / 2 / math.tan(math.radians(FIELD_OF_VIEW / 2))
+
+    @property
+    def focal_lengths(self) -> tuple[float, float]:
+        """Focal lengths along x and y, in pixels; those of an orthographic camera are pixels per world unit."""
+        return self.focal, self.focal
+
+    @property
+    def principal_point(self) -> tuple[float, float]:
+        """Where the optical axis meets the image, in pixels."""
+        return self.width / 2, self.height / 2
+
+    @property
+    def orthographic(self) -> bool:
+        """Whether all rays are parallel, and depths do not change sizes."""
+        return False
+
+    @property
+    def near_plane(self) -> float:
+        """Smallest depth that is drawn, in world units."""
+        return NEAR_PLANE
+
+    @property
+    def depth_range(self) -> tuple[float, float]:
+        """Depths of the nearest and the farthest point of the unit sphere, in world units."""
+        return DEPTH_RANGE
+
+    @property
+    def is_canonical(self) -> bool:
+        """Whether pixels are square, the image is centered on the optical axis, and the origin lies on that axis.
+
+        The kernels for the floor's shadow and for z-buffers rely on all three, and on a horizontal x axis.
+        """
+        return True
 
     @property
     def intrinsics(self) -> np.ndarray:

@@ -9,6 +9,7 @@ group                 class                methods                  called
 ``z2p.controls``      `Control`            slider, apply            once a picture or render: a number the user moves
 ``z2p.zbuffers``      `ZBuffer`            draw                     once a picture: nearest points as an image (Eq. 1)
 ``z2p.gbuffers``      `GBuffer`            draw                     once a picture: a rough rendering of the lit scene
+``z2p.conditions``    `Condition`          draw_into                once a picture: the cloud's own colors as an image
 ``z2p.encoders``      `PositionalEncoder`  create, from_state,      once an image size: features of a pixel's place
                                            state, channels, encode  (Eq. 3)
 ``z2p.engines``       `Engine`             __init__, run            once a picture: runs the trained network
@@ -271,6 +272,13 @@ class GBuffer(ABC):
         Where the features are as accurate as the network, and err independently, a mean of both is more accurate.
         """
 
+    def rough_picture(self, features: np.ndarray) -> np.ndarray | None:
+        """The picture (4, H, W) float32, premultiplied sRGB and alpha, that the features alone make; None without one.
+
+        It is shown for cameras that the network was not trained for. `features` (channels, H, W) are what `draw` gave.
+        """
+        return None
+
     def elsewhere(self, features: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray] | None:
         """The picture outside the cloud, so that the network runs only on a crop around it; None if it cannot be told.
 
@@ -323,6 +331,42 @@ class PreparedCloud:
             return None
         colors = replace(self._colors, points=self._colors.points @ rotation) if azimuth else self._colors
         return self._gbuffer.draw_textured_into(out, cloud, colors, camera, scene)
+
+
+@dataclass(frozen=True)
+class ColoredCloud:
+    """A cloud with colors of its own, and what the G-buffer has drawn of it."""
+
+    cloud: np.ndarray
+    """(N, 3) float32, world units."""
+    colors: PointColors
+    """The surface's own colors; all alike for a cloud in one color."""
+    neutral: np.ndarray
+    """(3,) float32, the linear base color in which the network renders the cloud: that of the scene."""
+    relative: np.ndarray
+    """(4, H, W) float32, what `GBuffer.draw_textured_into` returned."""
+
+
+class Condition(ABC):
+    """A picture of a cloud's own colors, which the network reads after the G-buffer's channels.
+
+    Without one, the network knows nothing of these colors: it renders the cloud in one neutral color, and its picture
+    is multiplied by the relative radiance that the G-buffer has drawn. With one, it can shape the neutral picture so
+    that the product is better. Only for weights with a control ``color`` and a G-buffer that `draws_textures`.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    channels: ClassVar[int]
+    """How many channels `draw_into` writes, at least 1."""
+
+    @abstractmethod
+    def draw_into(self, out: np.ndarray, colored: ColoredCloud, camera: Camera, scene: SceneDescription) -> None:
+        """Write an image (channels, height, width) float32, about [-1, 1], into `out`, whatever it holds.
+
+        It is 0 where the cloud is not. `colored` may not be changed; `camera` and `scene` are those of
+        `GBuffer.draw`. The order of the points must not matter, and N may be 0.
+        """
 
 
 class PositionalEncoder(ABC):

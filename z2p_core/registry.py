@@ -12,6 +12,7 @@ GROUPS = {
     "controls": "Control",
     "zbuffers": "ZBuffer",
     "gbuffers": "GBuffer",
+    "conditions": "Condition",
     "encoders": "PositionalEncoder",
     "engines": "Engine",
     "samplers": "Sampler",

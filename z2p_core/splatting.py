@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import DEPTH_RANGE, Camera
+from z2p_core.camera import DEPTH_RANGE, DISTANCE, Camera
 from z2p_core.parallel import core_count, run_in_threads
+from z2p_core.placement.placed_camera import PlacedCamera
 
 INTENSITY_ALPHA = DEPTH_RANGE[0]
 """alpha of Eq. 1: the depth of intensity 1, that of the nearest point of the unit sphere, in world units."""
@@ -27,8 +28,11 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndar
 
     Each point of the cloud (N, 3) float32, in world units, falls into the one pixel that contains its projection. The
     margin, in pixels on every side, keeps points outside the image whose window reaches into it. Points behind the
-    camera are dropped.
+    camera are dropped. Depths are counted so that the origin lies at `DISTANCE`, which they do by themselves before the
+    usual camera.
     """
+    if isinstance(camera, PlacedCamera):
+        return _projected_depth(cloud, camera, margin)
     threads = min(MAX_THREADS, core_count(), len(cloud) // MIN_POINTS_PER_THREAD)
     if threads < 2:
         return native.nearest_depth(cloud, camera, margin)
@@ -37,6 +41,20 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndar
     nearest = depths[0]
     for other in depths[1:]:
         np.minimum(nearest, other, out=nearest)
+    return nearest
+
+
+def _projected_depth(cloud: np.ndarray, camera: PlacedCamera, margin: int) -> np.ndarray:
+    """`nearest_depth` for any camera."""
+    height, width = camera.height + 2 * margin, camera.width + 2 * margin
+    nearest = np.full((height, width), np.inf, np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):  # points in the camera's plane
+        pixels, depth = camera.project(cloud)
+        column, row = np.floor(pixels.T) + margin
+    seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    seen &= camera.orthographic | (depth > 0)
+    places = row[seen].astype(np.intp), column[seen].astype(np.intp)
+    np.minimum.at(nearest, places, (depth[seen] + (DISTANCE - camera.origin_depth)).astype(np.float32))
     return nearest
 
 

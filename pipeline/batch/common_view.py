@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -78,23 +79,49 @@ def common_viewpoint(
     Raises:
         ScanError: no file can be read, or the first cloud has no sensor though its view is asked for.
     """
+    wanted = color_options or ColorOptions(NONE)
+    groups = [CloudGroup(printable(path), format_suffix(path), partial(_readable_clouds, path, columns, wanted))
+              for path in scans]  # fmt: skip
+    return common_viewpoint_of(groups, options, elevation, elevation_range)
+
+
+@dataclass(frozen=True)
+class CloudGroup:
+    """Clouds that are read together, as those of one file."""
+
+    name: str
+    """The file's, in messages."""
+    suffix: str
+    """The file's, in lower case with its dot; empty for none."""
+    read: Callable[[], Sequence[Scan]]
+
+
+def common_viewpoint_of(
+    groups: Iterable[CloudGroup], options: PlacementOptions, elevation: float,
+    elevation_range: tuple[float, float] | None, reference: PlacedCloud | None = None,
+) -> CommonView:  # fmt: skip
+    """`common_viewpoint` of groups of clouds; up axis and view are those of `reference`, or of the first cloud.
+
+    Raises:
+        ScanError: no cloud can be read, or the first has no sensor though its view is asked for.
+    """
     clouds: list[tuple[str, np.ndarray]] = []
-    first: PlacedCloud | None = None
+    first = reference
     errors: list[str] = []
-    for path in scans:
-        suffix = format_suffix(path)
+    for group in groups:
+        suffix = group.suffix
         try:
-            readable = _readable_clouds(path, columns, color_options or ColorOptions(NONE))
+            readable = group.read()
             first = first or place_scan(readable[0], suffix, options, elevation, elevation_range)
             as_rendered = replace(options, viewpoint=first.viewpoint)  # its up axis decides what is a low outlier
             selected = [select_points(scan, suffix, as_rendered) for scan in readable]
         except (ScanError, OSError, MemoryError) as error:  # reported when the file is rendered
             errors.append(str(error))
             continue
-        clouds += [(f"{printable(path)}{scan.label}", _extreme_points(one.points, np.array(first.viewpoint.rotation)))
+        clouds += [(f"{group.name}{scan.label}", _extreme_points(one.points, np.array(first.viewpoint.rotation)))
                    for scan, one in zip(readable, selected, strict=True)]  # fmt: skip
-    if first is None:
-        raise ScanError(f"--same-frame: none of the files can be read; the first: {errors[0]}")
+    if first is None or not clouds:
+        raise ScanError(f"one frame for all: no cloud can be read; the first: {errors[0]}")
     viewpoint, grounded = _fit_viewpoint([points for _, points in clouds], first.viewpoint)
     sizes = [(name, bounding_sphere(points).radius / viewpoint.radius) for name, points in clouds]
     specks = tuple((name, size) for name, size in sizes if size < SPECK_RADIUS_SHARE)

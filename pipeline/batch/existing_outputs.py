@@ -9,6 +9,7 @@ from typing import Any
 
 from z2p_core.coloring.options import AUTO, NONE, RGB
 from z2p_core.formats.field_names import field_key
+from z2p_core.pinhole import LookAt
 from z2p_core.placement.margin import with_margin
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import RECORDED_OPTIONS
@@ -83,9 +84,15 @@ def _changed_settings(
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
         "margin": look.margin,
+        "dpi": look.dpi,
+        **{name: value or None for name, value in vars(look.marks).items()},
     }
+    if isinstance(options.camera, LookAt) and options.camera.size is None:
+        del settings["resolution"]  # it followed from the cloud
     changes += [name for name, value in settings.items() if record.get(name) != value]
     changes += _changed_colors(record, look)
+    style = look.style.to_json()
+    changes += [name for name in ("style", "radius") if record.get(name) != style.get(name)]
     if _has_other_weights(record, renderer):
         changes.append("choice of weights")
     if look.crop is not None and record.get("window") != list(look.crop):
@@ -125,6 +132,9 @@ def _changed_colors(record: Mapping[str, Any], look: Look) -> list[str]:
 def _has_other_camera(record: Mapping[str, Any], look: Look) -> bool:
     """True if the picture was taken with another camera than the loaded one, or with a loaded one if none is now."""
     options = look.placement_options
+    wish = None if options.camera is None else options.camera.to_json()
+    if wish is not None or "pinhole_wish" in record:
+        return bool(record.get("pinhole_wish") != wish)
     if options.viewpoint is None:
         return bool(record.get("stance", {}).get("up") == FIXED_CAMERA)
     recorded, camera = record.get("camera", {}), with_margin(options.viewpoint, look.frame_margin).to_json()

@@ -15,10 +15,12 @@ from typing import Any
 
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.parallel import core_count, without_second_core
+from z2p_core.pinhole import PinholeCamera
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.batch.existing_outputs import kept_output_note
 from z2p_renderer.pipeline.batch.tasks import Task, numbered_outputs
 from z2p_renderer.pipeline.coloring.fields import read_scans
+from z2p_renderer.pipeline.inference.documents import write_document
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan, with_common_scale
 from z2p_renderer.pipeline.inference.scan_source import describe_source
@@ -26,6 +28,7 @@ from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.images.image_files import PictureError, write_picture
+from z2p_renderer.storage.images.pass_files import pass_paths, write_passes
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix
 from z2p_renderer.storage.scans.unpack import content_size
 
@@ -57,6 +60,8 @@ class Outcome:
     """One for each rendered picture."""
     viewpoints: list[Viewpoint] = field(default_factory=list)
     """One for each rendered picture."""
+    pinholes: list[PinholeCamera] = field(default_factory=list)
+    """One for each picture that was rendered with a camera in the data's units."""
     kept: str = ""
     """How a picture that is kept differs from the settings, in words."""
     weights: list[str] = field(default_factory=list)
@@ -72,6 +77,7 @@ class Outcome:
 def render_files(
     tasks: list[Task], renderer: AnyRenderer, look: Look, overwrite: bool = False, jobs: int = 1,
     columns: tuple[str, ...] | None = None, on_picture: Callable[[Path], None] = lambda path: None,
+    pass_format: str = "npy",
 ) -> Iterator[Outcome]:
     """One outcome for each task, in order, as soon as its file is complete.
 
@@ -84,13 +90,14 @@ def render_files(
             time is in memory.
         columns: names of the columns of text files.
         on_picture: called with the path of each written picture, as a file may hold thousands of clouds.
+        pass_format: format of the passes that the look asks for.
     """
     planned = frozenset(task.output for task in tasks)
     large_file_lock = Lock()
 
     def work(task: Task) -> Outcome:
         with large_file_lock if _is_large(task.scan) else nullcontext():
-            return _FileJob(task, renderer, look, overwrite, columns, on_picture).render(planned)
+            return _FileJob(task, renderer, look, overwrite, columns, on_picture, pass_format).render(planned)
 
     if jobs == 1:
         yield from map(work, tasks)
@@ -133,10 +140,10 @@ class _FileJob:
 
     def __init__(
         self, task: Task, renderer: AnyRenderer, look: Look, overwrite: bool, columns: tuple[str, ...] | None,
-        on_picture: Callable[[Path], None],
-    ) -> None:
+        on_picture: Callable[[Path], None], pass_format: str,
+    ) -> None:  # fmt: skip
         self.task, self.renderer, self.look, self.overwrite = task, renderer, look, overwrite
-        self.columns, self.on_picture = columns, on_picture
+        self.columns, self.on_picture, self.pass_format = columns, on_picture, pass_format
         self.outcome = Outcome(task.scan, [task.output])
         self._source: dict[str, Any] = {}
 
@@ -189,15 +196,23 @@ class _FileJob:
         source, look = self._source_of(output, cloud), self._look_of(cloud)
         note = kept_output_note(output, source, look, self.renderer, named=self.task.single)
         self.outcome.kept = note or self.outcome.kept
-        return note is not None
+        paths = pass_paths(output, look.passes, self.pass_format) if look.passes else []
+        return note is not None and all(path.is_file() for path in paths)
 
     def _render_cloud(self, scan: Scan, cloud: int, output: Path) -> None:
         look, outcome = self._look_of(cloud), self.outcome
         rendered = render_scan(self.renderer, scan, format_suffix(self.task.scan), look)
         record = build_record(rendered, look, self._source_of(output, cloud))
-        write_picture(rendered.picture, output, look.background, record)
+        if look.is_document:
+            write_document(rendered, look, record, output)
+        else:
+            write_picture(rendered.picture, output, look.background, record, look.dpi)
+        if rendered.pass_camera is not None:
+            write_passes(rendered.passes, rendered.pass_camera, output, self.pass_format)
         outcome.placements.append(rendered.placement)
         outcome.viewpoints.append(rendered.viewpoint)
+        if rendered.pinhole is not None:
+            outcome.pinholes.append(rendered.pinhole)
         outcome.weights.append(rendered.renderer.weights["name"])
         outcome.choices.append(rendered.weights_reason)
         outcome.colors.append("" if rendered.coloring is None else rendered.coloring.description)
@@ -205,6 +220,8 @@ class _FileJob:
 
     def _look_of(self, cloud: int) -> Look:
         colors, look = self.task.colors, self.look.written_as(self.task.output.suffix.lower())
+        if self.task.camera is not None:
+            look = look.taken_by(self.task.camera)
         return replace(look, values={**look.values, "color": colors[cloud % len(colors)]}) if colors else look
 
     def _source_of(self, output: Path, cloud: int) -> dict[str, Any]:

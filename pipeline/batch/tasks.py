@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from z2p_core.interfaces import ScanError, Value
+from z2p_core.pinhole import AnyCamera
 from z2p_renderer.storage.files.printable_names import without_gz
 
 
@@ -21,6 +22,8 @@ class Task:
     """The user named the picture itself, so the file must hold one cloud, and other settings draw it again."""
     colors: tuple[Value, ...] = ()
     """Colours of its clouds in turn, in place of the look's; none leaves it that."""
+    camera: AnyCamera | None = None
+    """A camera in the data's units, in place of the look's; None leaves it that."""
 
 
 def plan_outputs(

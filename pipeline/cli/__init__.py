@@ -25,6 +25,8 @@ COMMANDS = {
     "run-inference": ("render:render", "The same as render, by its older name."),
     "view": ("view:view", "Look around scans in the browser."),
     "animate": ("animate:animate", "Make turntables and light sweeps of point clouds."),
+    "figure": ("figure:figure", "Draw a table of clouds and methods as one figure."),
+    "film": ("film:film", "Turn a series of point clouds into one film."),
     "rerender": ("rerender:rerender", "Draw a picture again with something changed."),
     "info": ("info:info", "Show what made a picture."),
     "evaluate": ("evaluate:evaluate", "Measure weights against Blender renders of meshes."),

@@ -25,9 +25,13 @@ def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: d
         SettingError: a file of another kind is in the place of a sheet or of the camera.
         PictureError: a file of another kind is in the place of the gallery.
     """
-    from z2p_renderer.storage.images.image_files import FORMATS
+    from z2p_renderer.storage.images.image_files import DOCUMENT_SUFFIXES, FORMATS
 
-    folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
+    is_picture = output.suffix.lower() in (*FORMATS, *DOCUMENT_SUFFIXES) and not output.is_dir()
+    folder = output.parent if is_picture else output
+    for name in ("sheet", "gallery"):
+        if options[name] and any(task.output.suffix.lower() in DOCUMENT_SUFFIXES for task in tasks):
+            raise click.UsageError(f"--{name} cannot show PDF or SVG files; make it of PNGs, or use z2p figure", ctx)
     if options["sheet"] is not None:
         _check_sheets(ctx, tasks, folder, options["sheet"])
     if options["gallery"]:
@@ -122,9 +126,18 @@ def _write_gallery(pictures: list[Path], folder: Path) -> list[Path]:
 
 
 def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> list[Path]:
+    from z2p_core.pinhole import PinholeCamera
     from z2p_core.placement.margin import with_margin
-    from z2p_renderer.storage.cameras import read_camera, write_camera
+    from z2p_renderer.storage.cameras import read_any_camera, read_camera, write_camera
+    from z2p_renderer.storage.poses.read_poses import write_poses
 
+    pinholes = [pinhole for outcome in done for pinhole in outcome.pinholes]
+    if look.placement_options.camera is not None and not pinholes:  # skipped: their pictures know them
+        kept = [read_any_camera(path) for outcome in done if outcome.status == "skipped" for path in outcome.outputs]
+        pinholes = [camera for camera in kept if isinstance(camera, PinholeCamera)]
+    if pinholes:
+        write_poses(pinholes, options["save_camera"])
+        return [options["save_camera"]]
     viewpoints = [viewpoint for outcome in done for viewpoint in outcome.viewpoints]
     if options["same_frame"] and look.placement_options.viewpoint is not None:
         viewpoints = [with_margin(look.placement_options.viewpoint, look.frame_margin)]

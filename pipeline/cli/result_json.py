@@ -30,6 +30,8 @@ def settings_to_json(renderer: AnyRenderer, look: Look, options: dict[str, Any])
         "fit": options["fit"],
         "margin": options["margin"],
         "color_by": look.color_options.by,
+        "style": look.style.name,
+        "radius": look.style.radius_text,
         "load_camera": None if options["load_camera"] is None else str(options["load_camera"]),
     }
 

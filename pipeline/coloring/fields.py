@@ -83,8 +83,8 @@ def has_own_colors(scan: Scan) -> bool:
     return srgb is not None and bool(np.isfinite(srgb).all(axis=1).any())
 
 
-def find_scalars(scan: Scan, name: str) -> ScalarField:
-    """The field of that name of a scan; its coordinates x, y and z are fields as well.
+def find_scalars(scan: Scan, name: str, purpose: str = "color by") -> ScalarField:
+    """The field of that name of a scan, for that purpose; its coordinates x, y and z are fields as well.
 
     Raises:
         ScanError: it has none of that name, or not one number for each point.
@@ -97,7 +97,7 @@ def find_scalars(scan: Scan, name: str) -> ScalarField:
                            class_names_of(match, fields))  # fmt: skip
     if match is None and key in COORDINATES:
         return ScalarField(key, scan.points, scan.points[:, COORDINATES.index(key)])
-    raise ScanError(_no_such_field(name, fields))
+    raise ScanError(_no_such_field(name, fields, purpose))
 
 
 def class_names_of(name: str, fields: PointFields) -> Mapping[int, str]:
@@ -142,9 +142,9 @@ def _class_field(scan: Scan, options: ColorOptions) -> ScalarField:
                     f"{known}; name it with --color-by, or leave --classes out")
 
 
-def _no_such_field(name: str, fields: PointFields) -> str:
+def _no_such_field(name: str, fields: PointFields, purpose: str) -> str:
     known = [one for one in fields.names if one not in VECTOR_FIELDS]
     listed = ", ".join([*([RGB] if RGB in fields.names else []), *known, *COORDINATES, HEIGHT, NONE])
     near = closest_name(name, [*known, HEIGHT])
     guess = "" if near is None else f" (did you mean {near}?)"
-    return f"expected to color by one of its fields {listed}, got {name!r}{guess}"
+    return f"expected to {purpose} one of its fields {listed}, got {name!r}{guess}"

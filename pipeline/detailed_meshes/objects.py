@@ -90,7 +90,7 @@ def tablet(faces: int, rng: np.random.Generator) -> Triangles:
     cut = np.zeros((columns, rows))
     left, bottom = (columns - ink.shape[0]) // 2, (rows - ink.shape[1]) // 2
     cut[left : left + ink.shape[0], bottom : bottom + ink.shape[1]] = ink
-    side = []
+    side: list[np.ndarray] = []
     for _ in range(2):
         stone = 0.0035 * weathering(np.stack([x, np.full_like(x, len(side)), z], axis=-1), rng)
         side.append(depth / 2 - rounding + stone - 0.011 * cut)

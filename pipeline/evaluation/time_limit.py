@@ -97,6 +97,7 @@ def _serve(pipe: Any) -> None:
             function, arguments = pipe.recv()
         except EOFError:
             return
+        answer: tuple[Any, Exception | None]
         try:
             answer = function(*arguments), None
         except Exception as error:

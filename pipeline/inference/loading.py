@@ -11,7 +11,7 @@ import numpy as np
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, from_dict
 from z2p_core.errors.value_limits import describe_value
-from z2p_core.interfaces import Control, GBuffer, PositionalEncoder, ZBuffer
+from z2p_core.interfaces import Condition, Control, GBuffer, PositionalEncoder, ZBuffer
 from z2p_core.network.tensor_shapes import network_config_fault, network_shapes
 from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, check_tensors, find_weights, load_weights
 
@@ -38,6 +38,8 @@ class LoadedWeights:
     encoder: PositionalEncoder
     controls: dict[str, Control]
     """In the order of the settings vector."""
+    conditions: tuple[Condition, ...] = ()
+    """In the order of their channels, which follow the G-buffer's."""
 
     @property
     def card(self) -> dict[str, Any]:
@@ -51,7 +53,8 @@ class LoadedWeights:
     @property
     def buffer_channels(self) -> int:
         """Channels that the network reads of a cloud."""
-        return self.zbuffer.channels + self.gbuffer.channels
+        own = self.zbuffer.channels + self.gbuffer.channels
+        return own + sum(condition.channels for condition in self.conditions)
 
     @property
     def settings(self) -> int:
@@ -128,7 +131,8 @@ def _with_plugins(weights: Weights, to_train: bool) -> LoadedWeights:
         config = from_dict(NetworkConfig, card["network"], "network")
     except ConfigError as error:
         raise WeightsError(f"{_named(weights)} for a network that this z2p cannot build: {error}") from error
-    return LoadedWeights(weights, config, zbuffer, gbuffer, encoder, controls)
+    conditions = _conditions(weights, config, gbuffer, to_train)
+    return LoadedWeights(weights, config, zbuffer, gbuffer, encoder, controls, conditions)
 
 
 def _named(weights: Weights) -> str:
@@ -150,6 +154,26 @@ def _matching(weights: Weights, group: str, entry: dict[str, Any], any_version: 
             f"{plugin.version}; install that version or train again"
         )
     return plugin
+
+
+def _conditions(
+    weights: Weights, config: NetworkConfig, gbuffer: GBuffer, to_train: bool
+) -> tuple[Condition, ...]:  # fmt: skip
+    """The plugins of the card's conditions; older cards have none.
+
+    Raises:
+        WeightsError: the card lists others than its network has, or its G-buffer draws no textures.
+    """
+    entries = weights.card.get("conditions", [])
+    names = [entry["name"] for entry in entries]
+    if names != list(config.conditions) or len(set(names)) < len(names):
+        raise WeightsError(f"{_named(weights)}: card.conditions: expected those of its network, "
+                           f"{describe_value(list(config.conditions))}, each once, got {describe_value(names)}; get "
+                           "them again")
+    if names and not gbuffer.draws_textures:
+        raise WeightsError(f"{_named(weights)} have conditions, but a G-buffer {gbuffer.name!r} that draws no colours; "
+                           "get them again")
+    return tuple(_matching(weights, "conditions", entry, to_train)() for entry in entries)
 
 
 def _encoder(weights: Weights) -> PositionalEncoder:

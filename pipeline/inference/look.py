@@ -8,11 +8,15 @@ from typing import Any
 
 from z2p_core.coloring.options import ColorOptions
 from z2p_core.interfaces import SettingError, Value
+from z2p_core.pinhole import AnyCamera, LookAt, PinholeCamera
 from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.style import Style
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
+from z2p_renderer.pipeline.inference.styles import check_style
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
+from z2p_renderer.pipeline.legends.marks import Marks
 from z2p_renderer.pipeline.placement.options import PlacementOptions
-from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE
+from z2p_renderer.storage.images.image_files import DOCUMENT_SUFFIXES, OPAQUE_SUFFIXES, WHITE
 
 Color = tuple[float, float, float]
 Crop = tuple[float, float, float, float]
@@ -43,9 +47,23 @@ class Look:
     """The part of the frame that a trimmed picture shows, the same for a whole series; None: its own visible part."""
     color_options: ColorOptions = field(default_factory=ColorOptions)
     """What the points are colored by."""
+    style: Style = field(default_factory=Style)
+    """How the points are shown."""
+    passes: tuple[str, ...] = ()
+    """What else is drawn of every picture: `z2p_core.pass_names.PASSES`."""
+    without_network: str = ""
+    """Why pictures are drawn without the network, whatever the view; empty if views decide it."""
     margin: float | None = None
     """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
     the visible part. None: the default of either."""
+    marks: Marks = field(default_factory=Marks)
+    """A scale bar and axes."""
+    dpi: float | None = None
+    """Pixels for an inch on paper; None where the user does not say."""
+    is_document: bool = False
+    """Whether the picture is for a PDF or SVG, in which marks and color bar are drawn as vectors, not as pixels."""
+    reduction: int | None = None
+    """Factor by which the network draws smaller, the same for a whole film; None: by each cloud's own spacing."""
 
     def __post_init__(self) -> None:
         """Check the size.
@@ -67,12 +85,20 @@ class Look:
         """The same look, showing the whole frame."""
         return replace(self, tight=False, margin=self.frame_margin)
 
+    def taken_by(self, camera: AnyCamera) -> Look:
+        """The same look as another camera in the data's units sees it."""
+        size = (camera.width, camera.height) if isinstance(camera, PinholeCamera) else camera.size
+        width, height = size or (self.width, self.height)
+        options = replace(self.placement_options, camera=camera)
+        return replace(self, placement_options=options, width=width, height=height)
+
     def written_as(self, suffix: str) -> Look:
         """The look in a file with that suffix (lower-case, with its dot).
 
         Formats without transparency get a white background, unless the look has one.
         """
-        return replace(self, background=WHITE) if self.background is None and suffix in OPAQUE_SUFFIXES else self
+        look = replace(self, is_document=True) if suffix in DOCUMENT_SUFFIXES else self
+        return replace(look, background=WHITE) if self.background is None and suffix in OPAQUE_SUFFIXES else look
 
 
 def build_look(
@@ -93,6 +119,9 @@ def build_look(
     margin: float | None,
     crop: Crop | None = None,
     color_options: ColorOptions | None = None,
+    style: Style | None = None,
+    own_camera: AnyCamera | None = None,
+    passes: tuple[str, ...] = (),
 ) -> Look:
     """The `Look` that a command's options, a call of `z2p_core.render` or a picture's record stand for.
 
@@ -103,6 +132,7 @@ def build_look(
         camera: replaces `up` and `view`, the elevation included.
         smooth, background: see `parse_smoothing` and `parse_background`.
         size: width and height in pixels.
+        own_camera: a camera in the data's units: it replaces `view`; its own picture's shape is kept within `size`.
 
     The other arguments are fields of `PlacementOptions` and `Look`.
 
@@ -113,13 +143,39 @@ def build_look(
         view, elevation = view
         if camera is None:
             controls = {**controls, "elevation": elevation}
+    if own_camera is not None:
+        own_camera, size = _sized_camera(own_camera, size, azimuth, controls)
     options = PlacementOptions(
         up=up, view=view, azimuth=azimuth, keep_outliers=keep_outliers, cut_top=cut_top, viewpoint=camera,
-        smooth=parse_smoothing(smooth),
+        smooth=parse_smoothing(smooth), camera=own_camera,
     )  # fmt: skip
     width, height = size
+    style, values = style or Style(), parse_controls(renderer, controls)
+    check_style(style, renderer, values)
+    if own_camera is not None and not style.needs_network:
+        raise SettingError(f"style {style.name} is drawn by the usual camera only, not by one in the data's units; "
+                           "leave out the camera, or the style")  # fmt: skip
     return Look(
-        values=parse_controls(renderer, controls), placement_options=options, width=width, height=height,
+        values=values, placement_options=options, width=width, height=height,
         background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,
-        color_options=color_options or ColorOptions(),
+        color_options=replace(color_options or ColorOptions(), other_fields=style.wanted_fields), style=style,
+        passes=passes,
     )  # fmt: skip
+
+
+def _sized_camera(
+    camera: AnyCamera, size: tuple[int, int], azimuth: float, controls: Mapping[str, Any]
+) -> tuple[AnyCamera, tuple[int, int]]:
+    """The camera with a picture of that size in pixels, or one that fits into it; and the picture's size.
+
+    Raises:
+        SettingError: other settings determine the view as well.
+    """
+    has_place = isinstance(camera, PinholeCamera) or camera.eye is not None
+    if has_place and azimuth:
+        raise SettingError("camera and azimuth both choose the side; leave one out")
+    if has_place and controls.get("elevation") is not None:
+        raise SettingError("camera and elevation both choose the camera's height; leave one out")
+    if isinstance(camera, LookAt):
+        return camera, camera.size or size
+    return camera, (camera.width, camera.height)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from z2p_core.camera import Camera
+from z2p_core.camera import Camera, turn
 from z2p_core.interfaces import PointColors, Value
 from z2p_core.native import to_straight_rgba8
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.textured_light import neutral_albedo
 from z2p_renderer.pipeline.inference.adaptive_resolution import render_size, upsampled
-from z2p_renderer.pipeline.inference.input_buffers import draw_prepared_buffers
+from z2p_renderer.pipeline.inference.input_buffers import draw_prepared_buffers, draw_textured_buffers
 from z2p_renderer.pipeline.inference.renderer import with_neutral_color
 
 if TYPE_CHECKING:
@@ -61,6 +62,12 @@ class PreparedRender:
         renderer, gbuffer = self._renderer, self._renderer.gbuffer
 
         def draw(camera: Camera, scene: SceneDescription) -> tuple[np.ndarray, np.ndarray | None]:
+            if renderer.conditions:  # which are drawn of the turned cloud
+                rotation = turn(azimuth).astype(np.float32).T
+                colors = self._colors and replace(self._colors, points=self._colors.points @ rotation)
+                return draw_textured_buffers(
+                    self._cloud @ rotation, colors, camera, scene, renderer.zbuffer, gbuffer, renderer.conditions
+                )
             return draw_prepared_buffers(self._cloud, self._prepared, azimuth, camera, scene, renderer.zbuffer, gbuffer)
 
         if (width, height) not in self._sizes:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from z2p_core import __version__
 from z2p_core.coloring.options import AUTO, NONE
-from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
+from z2p_core.images import bytes_from_unit, linear_from_srgb, shrink, unit_from_bytes
 from z2p_core.interfaces import PointColors, SettingError, Value
+from z2p_core.linalg import bounding_box
+from z2p_core.pinhole import PinholeCamera
 from z2p_core.placement.margin import radius_with_margin, with_margin
+from z2p_core.placement.usual_camera import usual_pinhole
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.shadow_fade import fade_shadow
 from z2p_renderer.pipeline.coloring.color_points import Coloring, Scale, color_points
@@ -21,14 +24,22 @@ from z2p_renderer.pipeline.coloring.common_scale import share_scale
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.prepared_render import PreparedRender
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.inference.trim import crop_frame, trim_to_content
+from z2p_renderer.pipeline.inference.styles import DRAW, Frame, StyledCloud, ball_radii
+from z2p_renderer.pipeline.inference.trim import content_box, crop_box, crop_rows_and_columns
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
-from z2p_renderer.pipeline.placement.place_scan import place_scan
+from z2p_renderer.pipeline.legends.marks import FrameGeometry
+from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, place_scan
 from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.scans.clouds import Scan
 
+if TYPE_CHECKING:
+    from z2p_renderer.pipeline.legends.annotate import Annotations
+
+Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 RECORD_FORMAT = 1
 """Version of the record's format, raised when the meaning of a key changes."""
+DEFAULT_BASE_SRGB = (0.906, 0.906, 0.906)
+"""sRGB of the base color where no control sets one: `z2p_core.scene.DEFAULT_BASE_COLOR`."""
 RECORDED_OPTIONS = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
 """Fields of `PlacementOptions` that the record keeps; the camera stands for the others."""
 
@@ -52,6 +63,36 @@ class RenderedScan:
     """Whether the weights were selected by the cloud, rather than named by the user."""
     coloring: Coloring | None = None
     """The colors of the points, in place of the control ``color``; None if the whole object has one color."""
+    pinhole: PinholeCamera | None = None
+    """The camera of the user's, in the data's units; None: the usual one, which `viewpoint` describes."""
+    unfamiliar: str = ""
+    """Why it was drawn without the network; empty if it was not."""
+    passes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """What else the look asks for: `z2p_core.shading.passes`."""
+    pass_camera: PinholeCamera | None = None
+    """The camera of the passes, in the data's units; None without passes."""
+    offset: tuple[int, int] = (0, 0)
+    """Row and column of the frame at which the picture begins, if it was trimmed."""
+    bounds: Bounds | None = None
+    """Lowest and highest coordinates of the drawn points, in the data's units; None where no axes are drawn."""
+
+    def annotations(self, look: Look) -> Annotations:
+        """What is drawn onto the picture and beside it."""
+        from z2p_renderer.pipeline.legends.annotate import Annotations  # late: slow to import
+
+        bounds = self.bounds or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        geometry = FrameGeometry(self.viewpoint, look.width, look.height, self.offset[1], self.offset[0], bounds)
+        scale = self.coloring.scale if self.coloring is not None and look.color_options.color_bar else None
+        return Annotations(geometry, look.marks, scale, look.tight)
+
+    def annotated(self, look: Look) -> RenderedScan:
+        """The same with annotations in the picture, but for a document, which holds them as vectors."""
+        has_bar = self.coloring is not None and self.coloring.scale is not None and look.color_options.color_bar
+        if look.is_document or not (look.marks or has_bar):
+            return self
+        from z2p_renderer.pipeline.legends.annotate import annotate  # late: slow to import
+
+        return replace(self, picture=annotate(self.picture, self.annotations(look), look.background))
 
 
 def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
@@ -62,7 +103,9 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     """
     elevation, elevation_range = camera_elevation(renderer, look.values)
     placed = place_scan(scan, suffix, look.placement_options, elevation, elevation_range)
-    selected, reason = select_renderer(renderer, placed.cloud)
+    if look.without_network and placed.camera is not None:
+        placed = replace(placed, unfamiliar=look.without_network)
+    selected, reason = select_renderer(renderer, placed.cloud, look.style.needs_network)
 
     values = dict(look.values)
     if placed.placement.elevation is not None:  # the view chose it
@@ -73,15 +116,30 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
 
     coloring = _choose_colors(scan, viewpoint, selected, look)
     colors = None if coloring is None else coloring.place(viewpoint)
-    picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
+    radii = ball_radii(look.style, scan, cloud, viewpoint)
+    if placed.camera is None:
+        picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors, radii)
+    else:
+        picture = _render_from(selected, placed, values, look, colors)
+    passes: dict[str, np.ndarray] = {}
+    pass_camera = None
+    if look.passes:
+        pass_camera, passes = _draw_passes(cloud, viewpoint, placed.pinhole, colors, selected.settings(values), look)
+    top = left = 0
     if look.tight:
-        picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
-    if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
-        from z2p_renderer.pipeline.legends.draw_legend import draw_onto  # late: slow to import
-
-        picture = draw_onto(picture, coloring.scale, look.background)
+        is_own, crop = look.crop is None, look.crop or (0.0, 0.0, 1.0, 1.0)
+        box = content_box(picture[..., 3], look.margin) if is_own else crop_rows_and_columns(picture, crop)
+        picture, top, left = crop_box(picture, box), box[0], box[2]
+    bounds = _data_bounds(placed) if look.marks.axes else None
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
-                        isinstance(renderer, AutoRenderer), coloring)  # fmt: skip
+                        isinstance(renderer, AutoRenderer), coloring, placed.pinhole, placed.unfamiliar,
+                        passes, pass_camera, (top, left), bounds).annotated(look)  # fmt: skip
+
+
+def _data_bounds(placed: PlacedCloud) -> Bounds:
+    """The lowest and highest coordinates of a placed cloud along the data's axes, in the data's units."""
+    low, high = bounding_box(placed.viewpoint.unplace(placed.cloud))
+    return tuple(low.tolist()), tuple(high.tolist())
 
 
 def _choose_colors(scan: Scan, viewpoint: Viewpoint, renderer: Renderer, look: Look) -> Coloring | None:
@@ -136,18 +194,18 @@ def with_common_scale(
 
 def _render_frame(
     renderer: Renderer, cloud: np.ndarray, values: dict[str, Value], look: Look, floor: float | None,
-    colors: PointColors | None,
+    colors: PointColors | None, radii: np.ndarray | None,
 ) -> np.ndarray:  # fmt: skip
     """The whole frame (H, W, 4) uint8 of a placed cloud (N, 3) float32; its shadow fades towards the frame's edges."""
     if floor is not None:
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     factor = look.supersample
-    image = renderer.render(cloud, values, look.width * factor, look.height * factor, floor, colors)
-    return _finish_frame(image, factor)
+    frame = Frame(cloud, values, look.width * factor, look.height * factor, floor, colors, radii, look.reduction)
+    return _finish_frame(DRAW[look.style.name](renderer, frame), factor)
 
 
 def render_prepared(
-    prepared: PreparedRender, values: dict[str, Value], look: Look, azimuth: float
+    prepared: PreparedRender | StyledCloud, values: dict[str, Value], look: Look, azimuth: float
 ) -> np.ndarray:  # fmt: skip
     """The whole frame (H, W, 4) uint8, as of `render_scan`, of a prepared cloud turned by `azimuth` degrees."""
     factor = look.supersample
@@ -161,9 +219,43 @@ def _finish_frame(image: np.ndarray, factor: int) -> np.ndarray:
     return fade_shadow(image)
 
 
+def _render_from(
+    renderer: Renderer, placed: PlacedCloud, values: dict[str, Value], look: Look, colors: PointColors | None
+) -> np.ndarray:
+    """The frame (H, W, 4) uint8 of a placed cloud as a camera of the user's sees it."""
+    camera, factor = placed.camera, look.supersample
+    assert camera is not None
+    large = camera.resized(camera.width * factor, camera.height * factor)
+    image = renderer.render_from(placed.cloud, large, values, None, colors, use_network=not placed.unfamiliar)
+    if factor > 1:
+        image = bytes_from_unit(shrink(unit_from_bytes(image), factor))
+    return fade_shadow(image)
+
+
+def _draw_passes(
+    cloud: np.ndarray, viewpoint: Viewpoint, pinhole: PinholeCamera | None, colors: PointColors | None,
+    values: dict[str, Value], look: Look,
+) -> tuple[PinholeCamera, dict[str, np.ndarray]]:  # fmt: skip
+    """The passes that the look asks for, and their camera; `pinhole` is the user's own, if any.
+
+    Raises:
+        SettingError: the picture is trimmed, so that its pixels are no longer the camera's.
+    """
+    from z2p_core.shading.passes import draw_passes  # late: few pictures have passes
+
+    if look.tight:
+        raise SettingError("passes show the whole frame of their camera; leave out --fit tight")
+    if pinhole is None:
+        elevation = values["elevation"][0] if "elevation" in values else viewpoint.elevation
+        pinhole = usual_pinhole(viewpoint, look.width, look.height, elevation)
+    color = linear_from_srgb(np.array(values.get("color", DEFAULT_BASE_SRGB), np.float32))
+    return pinhole, draw_passes(look.passes, cloud, viewpoint, pinhole, color if colors is None else colors)
+
+
 def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:
     """All that made a picture, JSON-able; `source` describes the cloud: name, path, sha256, index in its file."""
     window = {} if look.crop is None else {"window": list(look.crop)}
+    size = [look.width, look.height] if rendered.pinhole is None else [rendered.pinhole.width, rendered.pinhole.height]
     return {
         "record": RECORD_FORMAT,
         "version": __version__,
@@ -173,8 +265,9 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         "weights": dict(rendered.renderer.weights),
         **_colors_record(rendered.coloring, look),
         "weights_chosen": rendered.has_automatic_weights,
-        "engine": rendered.renderer.engine,
-        "resolution": [look.width, look.height],
+        **({"engine": rendered.renderer.engine} if look.style.needs_network else {}),
+        **look.style.to_json(),
+        "resolution": size,
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
@@ -182,6 +275,21 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         "placing": {name: getattr(look.placement_options, name) for name in RECORDED_OPTIONS},
         "stance": rendered.placement.to_json(),
         **window,
+        **_pinhole_record(rendered, look),
+        **({} if look.dpi is None else {"dpi": look.dpi}),
+        **{name: value for name, value in vars(look.marks).items() if value},
+    }
+
+
+def _pinhole_record(rendered: RenderedScan, look: Look) -> dict[str, Any]:
+    """What a record says of a camera in the data's units: nothing without one."""
+    wish = look.placement_options.camera
+    if rendered.pinhole is None or wish is None:
+        return {}
+    return {
+        "pinhole": rendered.pinhole.to_json(),
+        "pinhole_wish": wish.to_json(),
+        **({"without_network": rendered.unfamiliar} if rendered.unfamiliar else {}),
     }
 
 

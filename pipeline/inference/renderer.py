@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from pathlib import Path
 from threading import local
@@ -12,16 +12,27 @@ import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.interfaces import Control, Engine, GBuffer, PointColors, Slider, Value, ZBuffer
+from z2p_core.interfaces import (
+    Condition,
+    Control,
+    Engine,
+    GBuffer,
+    PointColors,
+    SettingError,
+    Slider,
+    Value,
+    ZBuffer,
+)
 from z2p_core.native import to_straight_rgba8
 from z2p_core.network.crop_window import crop_window
 from z2p_core.network.exit_guard import inside_engine
 from z2p_core.parallel import parallel_rows
+from z2p_core.placement.placed_camera import PlacedCamera
 from z2p_core.scene import SceneDescription
 from z2p_core.settings import apply_controls, settings_vector
 from z2p_core.shading.demodulation import apply_relative_radiance, reduce_light
 from z2p_core.shading.textured_light import neutral_albedo
-from z2p_renderer.pipeline.inference.adaptive_resolution import render_size, upsampled
+from z2p_renderer.pipeline.inference.adaptive_resolution import placed_render_size, render_size, upsampled
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.input_buffers import draw_textured_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
@@ -100,6 +111,11 @@ class Renderer:
         return DEFAULT_ELEVATION if fixed is None else float(fixed)
 
     @property
+    def conditions(self) -> Sequence[Condition]:
+        """The pictures that the network reads beside the buffers."""
+        return self._loaded.conditions
+
+    @property
     def draws_colors(self) -> bool:
         """Whether `render` takes colors of points: the weights have a control ``color``, their G-buffer textures."""
         return "color" in self.controls and self._loaded.gbuffer.draws_textures
@@ -117,18 +133,36 @@ class Renderer:
         height: int = 512,
         floor: float | None = None,
         colors: PointColors | None = None,
+        reduction: int | None = None,
     ) -> np.ndarray:
         """Image (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units.
 
-        `floor` is its height; None puts it under the lowest point. A sparse cloud is rendered smaller and upsampled.
+        `floor` is its height; None puts it under the lowest point. A sparse cloud is rendered smaller and upsampled: by
+        the factor `reduction`, or None for one chosen by its spacing.
         `colors` are the surface's own, which take the place of the control ``color``; only for weights that
         `draw_colors`.
         """
         neutral = None if colors is None else neutral_albedo(colors.albedo)
         inputs, relative = self._inputs(cloud, with_neutral_color(values, neutral),
-                                        *render_size(cloud, width, height), floor, colors)  # fmt: skip
+                                        *render_size(cloud, width, height, reduction), floor, colors)  # fmt: skip
         image = self.finish(inputs, relative, len(cloud), neutral, 1.0 if colors is None else colors.relight)
         return to_straight_rgba8(upsampled(image, width, height))
+
+    def render_from(
+        self, cloud: np.ndarray, camera: PlacedCamera, values: dict[str, Value] | None = None,
+        floor: float | None = None, colors: PointColors | None = None, *, use_network: bool = True,
+    ) -> np.ndarray:  # fmt: skip
+        """The image (height, width, 4) uint8 of `render` as any camera sees the cloud; without the network if asked.
+
+        Raises:
+            SettingError: no network is to be used, and these weights' G-buffer makes no picture by itself.
+        """
+        size = placed_render_size(cloud, camera) if use_network else (camera.width, camera.height)
+        neutral = None if colors is None else neutral_albedo(colors.albedo)
+        inputs, relative = self._inputs(cloud, with_neutral_color(values, neutral), *size, floor, colors, camera)
+        relight = 1.0 if colors is None else colors.relight
+        image = self.finish(inputs, relative, len(cloud), neutral, relight, use_network)
+        return to_straight_rgba8(upsampled(image, camera.width, camera.height))
 
     def prepare(
         self, cloud: np.ndarray, floor: float | None = None, colors: PointColors | None = None
@@ -143,7 +177,7 @@ class Renderer:
 
     def finish(
         self, inputs: tuple[np.ndarray, np.ndarray, np.ndarray], relative: np.ndarray | None, points: int,
-        neutral: np.ndarray | None, relight: float,
+        neutral: np.ndarray | None, relight: float, use_network: bool = True,
     ) -> np.ndarray:  # fmt: skip
         """The image (4, H, W) float32, premultiplied sRGB and alpha, of the network's `inputs`, for so many points.
 
@@ -151,14 +185,30 @@ class Renderer:
         color in which the network renders it.
         """
         buffers, encoding, settings = inputs
-        features = buffers[0, self._loaded.zbuffer.channels :]
-        image = self._run_network(buffers, features, encoding, settings, points)
-        self._loaded.gbuffer.reconcile(image, features, points)
+        first = self._loaded.zbuffer.channels
+        features = buffers[0, first : first + self._loaded.gbuffer.channels]
+        if use_network:
+            image = self._run_network(buffers, features, encoding, settings, points)
+            self._loaded.gbuffer.reconcile(image, features, points)
+        else:
+            image = self._rough_picture(features)
         if neutral is not None and relative is not None:
             if relight < 1:
                 reduce_light(image, neutral, relative[3], relight)
             apply_relative_radiance(image, relative[:3], relative[3])
         return image
+
+    def _rough_picture(self, features: np.ndarray) -> np.ndarray:
+        """What the G-buffer's features (channels, H, W) show without the network: (4, H, W) premultiplied.
+
+        Raises:
+            SettingError: nothing.
+        """
+        rough = self._loaded.gbuffer.rough_picture(features)
+        if rough is None:
+            raise SettingError(f"the weights {self.weights['name']!r} do not know this camera, and their G-buffer "
+                               "makes no picture by itself; choose others with --weights, or another camera")
+        return np.require(rough, np.float32, ["C", "W"])
 
     def inputs(
         self,
@@ -173,32 +223,40 @@ class Renderer:
 
     def _inputs(
         self, cloud: np.ndarray, values: dict[str, Value] | None, width: int, height: int, floor: float | None,
-        colors: PointColors | None,
+        colors: PointColors | None, placed: PlacedCamera | None = None,
     ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray | None]:  # fmt: skip
         """`inputs`, and the relative radiance (4, height, width) of a surface with colors of its own."""
 
         def draw(camera: Camera, scene: SceneDescription) -> tuple[np.ndarray, np.ndarray | None]:
-            return draw_textured_buffers(cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
+            return draw_textured_buffers(
+                cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer, self._loaded.conditions
+            )
 
-        return self.inputs_from(draw, values, width, height, floor)
+        return self.inputs_from(draw, values, width, height, floor, placed)
 
     def inputs_from(
         self, draw: Callable[[Camera, SceneDescription], tuple[np.ndarray, np.ndarray | None]],
         values: dict[str, Value] | None, width: int, height: int, floor: float | None,
+        placed: PlacedCamera | None = None,
     ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray | None]:  # fmt: skip
         """The network's inputs with the buffers that `draw` makes of a camera and a scene, and what else that gives.
 
         Values beyond a control's range are drawn as they are, and the network reads the nearest one in the range.
+        `placed` is a camera that takes the place of the usual one at the elevation of the values.
         """
         scene = SceneDescription(floor=floor)
         if self.fixed_elevation is not None:
             scene.elevation = self.fixed_elevation
         settings = self.settings(values)
         apply_controls(settings, self.controls, scene)
-        camera = Camera(width, height, scene.elevation)
+        if placed is None:
+            camera, encoding = Camera(width, height, scene.elevation), self._encoding(width, height)
+        else:
+            camera = placed.resized(width, height)
+            encoding = self._loaded.encoder.encode(*camera.frame_coordinates(step=self._loaded.config.unshuffle))
         buffers, relative = draw(camera, scene)
         read = {name: clamped(value, self.controls[name].slider) for name, value in settings.items()}
-        return (buffers[None], self._encoding(width, height), settings_vector(read, self.controls)[None]), relative
+        return (buffers[None], encoding, settings_vector(read, self.controls)[None]), relative
 
     def _encoding(self, width: int, height: int) -> np.ndarray:
         """The encoder's features (E, h, w) for an image of that size. The last are kept: most images have one size."""

@@ -44,9 +44,13 @@ def content_box(alpha: np.ndarray, margin: float | None = None) -> Box:
 
 def crop_frame(image: np.ndarray, crop: Crop) -> np.ndarray:
     """The part (H', W', 4) of an image (H, W, 4) that a crop covers; images of one size give parts of one size."""
+    return crop_box(image, crop_rows_and_columns(image, crop))
+
+
+def crop_rows_and_columns(image: np.ndarray, crop: Crop) -> Box:
+    """The box that a crop covers in an image (H, W, 4)."""
     (height, width), (left, top, right, bottom) = image.shape[:2], crop
-    return crop_box(image, (math.floor(top * height), math.ceil(bottom * height),
-                            math.floor(left * width), math.ceil(right * width)))  # fmt: skip
+    return math.floor(top * height), math.ceil(bottom * height), math.floor(left * width), math.ceil(right * width)
 
 
 def crop_box(image: np.ndarray, box: Box) -> np.ndarray:

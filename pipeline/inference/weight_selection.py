@@ -55,6 +55,11 @@ class AutoRenderer:
         """See `Renderer.settings`."""
         return self._default.settings(values)
 
+    @property
+    def without_network(self) -> Renderer:
+        """The default renderer, whose engine need not run: for styles without a network."""
+        return self._default
+
     def select(self, cloud: np.ndarray) -> tuple[Renderer, str]:
         """The renderer for a placed cloud (N, 3) float32, started; and the reason in words if it is not the default."""
         noise = noise_to_spacing(cloud)
@@ -99,6 +104,10 @@ def load_renderer(
                        "others (--weights, in Python weights=), or leave it out")
 
 
-def select_renderer(renderer: AnyRenderer, cloud: np.ndarray) -> tuple[Renderer, str]:
+def select_renderer(
+    renderer: AnyRenderer, cloud: np.ndarray, needs_network: bool = True
+) -> tuple[Renderer, str]:  # fmt: skip
     """The renderer for a placed cloud (N, 3) float32, with fixed weights; and why `AutoRenderer` chose these, if so."""
+    if not needs_network:
+        return (renderer.without_network if isinstance(renderer, AutoRenderer) else renderer), ""
     return renderer.select(cloud) if isinstance(renderer, AutoRenderer) else (renderer, "")

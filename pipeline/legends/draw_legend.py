@@ -19,7 +19,7 @@ from z2p_renderer.storage.files.printable_names import printable
 
 LEGEND_SUFFIXES = (".svg", ".png", ".pdf")
 """Suffixes of legends as files of their own."""
-_FONT_POINTS = 8.0
+FONT_POINTS = 8.0
 """Size of the texts in a file, as in figures of papers."""
 _FONT_SHARE = 0.032
 """Size of the texts in a picture, of its height."""
@@ -115,7 +115,7 @@ def _luminance(color: Sequence[float]) -> float:
 @lru_cache(maxsize=8)
 def _cached_strip(scale: ColorScale | ClassColors, height: int, ink: Color) -> np.ndarray:
     """The legend on a transparent strip (height, width, 4) uint8; kept, as all pictures of a series have the same."""
-    font_pixels = max(_MIN_FONT_PIXELS, _FONT_SHARE * height)
+    font_pixels = font_pixels_for(height)
     with drawing_settings():
         page, width = _lay_out_strip(scale, height, ink, font_pixels)
         while (isinstance(scale, ClassColors) and font_pixels > _SMALLEST_FONT_PIXELS
@@ -132,14 +132,22 @@ def _lay_out_strip(
     scale: ColorScale | ClassColors, height: int, ink: Color, font_pixels: float
 ) -> tuple[LegendPage, float]:
     """The legend on a page as high as a picture of a height in pixels, and the width of it, points."""
-    dpi = font_pixels * POINTS_PER_INCH / _FONT_POINTS
+    dpi = font_pixels * POINTS_PER_INCH / FONT_POINTS
     page = LegendPage(height * POINTS_PER_INCH / dpi, ink, dpi)
+    return page, draw_scale(page, scale, FONT_POINTS) + 0.8 * FONT_POINTS
+
+
+def draw_scale(page: LegendPage, scale: ColorScale | ClassColors, left: float) -> float:
+    """Draws a color bar or legend of a page's height from `left` on; returns where it ends, both in points."""
     if isinstance(scale, ColorScale):
-        right = draw_color_bar(page, scale, _FONT_POINTS, _FONT_POINTS, _STRIP_BAR_MARGIN * page.height)
-    else:
-        margin = _STRIP_CLASSES_MARGIN * page.height
-        right = draw_class_legend(page, scale, _FONT_POINTS, _FONT_POINTS, margin, _STRIP_MOST_COLUMNS)
-    return page, right + 0.8 * _FONT_POINTS
+        return draw_color_bar(page, scale, FONT_POINTS, left, _STRIP_BAR_MARGIN * page.height)
+    margin = _STRIP_CLASSES_MARGIN * page.height
+    return draw_class_legend(page, scale, FONT_POINTS, left, margin, _STRIP_MOST_COLUMNS)
+
+
+def font_pixels_for(height: int) -> float:
+    """Size of the texts in a picture of a height, both in pixels."""
+    return max(_MIN_FONT_PIXELS, _FONT_SHARE * height)
 
 
 def _lay_out_file(scale: ColorScale | ClassColors, ink: Color) -> tuple[LegendPage, float]:
@@ -147,10 +155,10 @@ def _lay_out_file(scale: ColorScale | ClassColors, ink: Color) -> tuple[LegendPa
     margin = _FILE_MARGIN_POINTS
     if isinstance(scale, ColorScale):
         page = LegendPage(_FILE_BAR_POINTS + 2 * margin, ink)
-        return page, draw_color_bar(page, scale, _FONT_POINTS, margin, margin) + margin
+        return page, draw_color_bar(page, scale, FONT_POINTS, margin, margin) + margin
     rows = min(len(scale.entries), _FILE_MOST_ROWS)
-    page = LegendPage(class_legend_height(rows, _FONT_POINTS) + 2 * margin, ink)
-    return page, draw_class_legend(page, scale, _FONT_POINTS, margin, margin, _FILE_MOST_COLUMNS) + margin
+    page = LegendPage(class_legend_height(rows, FONT_POINTS) + 2 * margin, ink)
+    return page, draw_class_legend(page, scale, FONT_POINTS, margin, margin, _FILE_MOST_COLUMNS) + margin
 
 
 def _opaque(strip: np.ndarray, background: Color) -> np.ndarray:

@@ -37,6 +37,8 @@ _NO_METADATA: dict[str, dict[str, None]] = {
     "pdf": dict.fromkeys(("CreationDate", "Creator", "Producer")),
 }
 """Nothing in a file tells when or by which version it was made: the same legend is the same file."""
+_DESCRIPTION_KEYS = {"svg": "Description", "pdf": "Subject"}
+"""Kind of file -> matplotlib's name of the entry of its metadata that holds a description."""
 _SLACK = 1e-3
 """Part of a pixel by which pages are larger, as matplotlib cuts off what is left of a pixel."""
 _LOCK = threading.RLock()
@@ -72,6 +74,7 @@ class LegendPage:
         FigureCanvasAgg(self.figure)
         self._families = _installed_fonts()
         self._artists: list[Any] = []
+        self._pictures: list[tuple[tuple[float, float, float, float], np.ndarray]] = []
         self._pixel = POINTS_PER_INCH / dpi
         self._widths: dict[tuple[str, float], float] = {}
 
@@ -136,6 +139,10 @@ class LegendPage:
         shape = Line2D(xs, ys, color=self.ink, linewidth=width, solid_capstyle="butt")
         self._artists.append(self.figure.add_artist(shape))
 
+    def picture(self, box: tuple[float, float, float, float], picture: np.ndarray) -> None:
+        """A picture (H, W, 3 or 4) uint8 in a box (left, top, width, height), below all else; only for vector files."""
+        self._pictures.append((box, picture))
+
     def finish(self, width: float) -> None:
         """Gives the page its width, points, rounded up to whole pixels; nothing is drawn after this."""
         from matplotlib.transforms import Affine2D
@@ -145,17 +152,27 @@ class LegendPage:
         to_inches = Affine2D().scale(1 / POINTS_PER_INCH).translate(0, self.height / POINTS_PER_INCH)
         for artist in self._artists:
             artist.set_transform(to_inches + self.figure.dpi_scale_trans)
+        across, down = (float(side) * POINTS_PER_INCH for side in self.figure.get_size_inches())
+        for (left, top, wide, high), picture in self._pictures:
+            frame = (left / across, 1 - (top + high) / down, wide / across, high / down)
+            axes = self.figure.add_axes(frame, zorder=-1)
+            axes.set_axis_off()
+            axes.imshow(picture, interpolation="none", aspect="auto")
 
     def pixels(self) -> np.ndarray:
         """The page as a picture (H, W, 4) uint8, straight sRGB and alpha."""
         self.figure.canvas.draw()
         return np.array(self.figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
 
-    def encode(self, kind: str, background: Color | None) -> bytes:
-        """The page as a file of a kind, ``png``, ``svg`` or ``pdf``; transparent without a background."""
+    def encode(self, kind: str, background: Color | None, description: str = "") -> bytes:
+        """The page as a file of a kind, ``png``, ``svg`` or ``pdf``; transparent without a background.
+
+        `description` is kept in the file's metadata, but for a PNG's.
+        """
         stream = io.BytesIO()
+        described = {_DESCRIPTION_KEYS[kind]: description} if description and kind in _DESCRIPTION_KEYS else {}
         self.figure.savefig(stream, format=kind, dpi=self.dpi, facecolor=background or "none",
-                            metadata=_NO_METADATA[kind])  # fmt: skip
+                            metadata={**_NO_METADATA[kind], **described})  # fmt: skip
         return stream.getvalue()
 
 

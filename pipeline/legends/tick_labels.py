@@ -91,6 +91,11 @@ def _power_text(number: float, exponent: int, decimals: int) -> str:
     return f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPTS)}"
 
 
+def number_text(number: float) -> str:
+    """A single number as on an axis, with as few digits as it needs, six at most."""
+    return _shortest_text(number)
+
+
 def _shortest_text(number: float) -> str:
     """A single number, to six digits, or all digits of a whole number below 10**12."""
     if abs(number) < _SMALLEST_SPAN:

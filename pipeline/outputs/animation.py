@@ -20,6 +20,7 @@ from z2p_core.surface.mls_smoothing import smooth_cloud
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.prepared_render import PreparedRender, fixed_to_object
 from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_prepared, render_scan
+from z2p_renderer.pipeline.inference.styles import Frame, StyledCloud, ball_radii
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.place_scan import select_points
@@ -48,6 +49,8 @@ def draw_opening(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> 
         ScanError: the cloud has no extent, or has no sensor and the look asks for the sensor's view.
     """
     sketch = replace(look.untrimmed, width=64, height=64, supersample=1)
+    if look.placement_options.camera is not None:
+        sketch = replace(sketch, width=look.width, height=look.height, passes=())
     return render_scan(renderer, scan, suffix, sketch)
 
 
@@ -79,7 +82,7 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
     yield from (draw_onto(frame, scale, look.background) for frame in frames)
 
 
-def prepare_scan(opening: RenderedScan, scan: Scan, suffix: str, look: Look) -> PreparedRender:
+def prepare_scan(opening: RenderedScan, scan: Scan, suffix: str, look: Look) -> PreparedRender | StyledCloud:
     """The scan as its `draw_opening` places it, selected and smoothed once for all frames."""
     points = select_points(scan, suffix, look.placement_options).points
     if opening.placement.smoothing_radius:
@@ -89,11 +92,15 @@ def prepare_scan(opening: RenderedScan, scan: Scan, suffix: str, look: Look) -> 
     if floor is not None:
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     colors = None if opening.coloring is None else opening.coloring.place(opening.viewpoint)
+    if not look.style.needs_network:
+        radii = ball_radii(look.style, scan, cloud, opening.viewpoint)
+        frame = Frame(cloud, {}, look.width, look.height, floor, colors, radii)
+        return StyledCloud(opening.renderer, look.style.name, frame)
     return opening.renderer.prepare(cloud, floor, colors)
 
 
 def _render_frame(
-    prepared: PreparedRender, look: Look, motion: Motion, opening: RenderedScan, number: int
+    prepared: PreparedRender | StyledCloud, look: Look, motion: Motion, opening: RenderedScan, number: int
 ) -> np.ndarray:
     """One frame: the mean, with premultiplied alpha, of `motion.steady` pictures around its time."""
     offsets = [(index + 0.5) / motion.steady - 0.5 for index in range(motion.steady)]

@@ -104,8 +104,11 @@ def _settings_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def color_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Rows (name, text) for what colors the points; none where the whole object has one color."""
+    """Rows (name, text) for the style and what colors the points; none of a surface in one color."""
     rows = []
+    if "style" in record:
+        radius = "" if record.get("radius") is None else f", radius {record['radius']}"
+        rows.append(("style", f"{record['style']}{radius}"))
     by = record.get("color_by", "none")
     if by != "none":
         limits = record.get("clim")

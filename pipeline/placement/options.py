@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from z2p_core.pinhole import AnyCamera
 from z2p_core.placement.viewpoint import Viewpoint
 
 
@@ -28,5 +29,7 @@ class PlacementOptions:
 
     ``auto`` smooths only noisy clouds of depth cameras. Gaps in a depth camera's measurements are filled unless 0.
     """
+    camera: AnyCamera | None = None
+    """A camera in the data's units: it replaces `view` and the frame; the cloud is still set upright by `up`."""
     grounded: bool = False
     """Moves the cloud onto the floor of `viewpoint`, whatever its height."""

@@ -10,7 +10,7 @@ from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.depth_camera import METRES, MILLIMETRES, implied_sensor, is_depth_camera
 from z2p_core.placement.view_selection import choose_view, view_from_scanner, view_from_sensor
 from z2p_core.rotations import align_to_vertical
-from z2p_core.up_axis.axis_names import UP_ROTATIONS
+from z2p_core.up_axis.axis_names import UP_ROTATIONS, up_rotation
 from z2p_core.up_axis.choose import UpChoice, choose_up
 from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.storage.scans.clouds import Scan
@@ -41,7 +41,7 @@ def choose_upright(points: np.ndarray, scan: Scan, suffix: str, options: Placeme
             camera = implied_sensor(points, ANY_UNIT)
         elif is_depth_camera(points, sensor):
             camera = sensor
-    return UpChoice(np.array(UP_ROTATIONS[options.up], dtype=np.float64), options.up, "as asked", camera)
+    return UpChoice(up_rotation(options.up), options.up, "as asked", camera)
 
 
 def choose_side(

@@ -20,9 +20,11 @@ import numpy as np
 from z2p_core.camera import DEFAULT_ELEVATION, DISTANCE, turn
 from z2p_core.interfaces import ScanError
 from z2p_core.linalg import dot_axis
+from z2p_core.pinhole import LookAt, PinholeCamera
 from z2p_core.placement.background import remove_background, sensor_depths
 from z2p_core.placement.depth_gaps import fill_depth_gaps
 from z2p_core.placement.outliers import above_low_outliers_mask, remove_outliers
+from z2p_core.placement.placed_camera import PlacedCamera, place_camera
 from z2p_core.placement.point_balls import MIN_SURFACE_POINTS, points_to_balls
 from z2p_core.placement.support_plane import support_plane_normal
 from z2p_core.placement.viewpoint import Viewpoint, frame_points
@@ -30,6 +32,7 @@ from z2p_core.rotations import align_to_vertical
 from z2p_core.surface.mls_smoothing import smooth_cloud, smoothing_radius
 from z2p_core.surface.subsampling import prepend_canonical_point
 from z2p_core.up_axis.choose import UpChoice
+from z2p_renderer.pipeline.placement.camera_placement import camera_viewpoint, check_visible, unfamiliar_reason
 from z2p_renderer.pipeline.placement.hints import (
     few_points_hint,
     fixed_camera_hint,
@@ -59,6 +62,12 @@ class PlacedCloud:
     placement: Placement
     viewpoint: Viewpoint
     """The transform that placed it, with the camera's elevation."""
+    camera: PlacedCamera | None = None
+    """A camera of the user's, in world units; None: the usual one at that elevation."""
+    pinhole: PinholeCamera | None = None
+    """The same in the data's units."""
+    unfamiliar: str = ""
+    """Why the network cannot draw what that camera sees, in words; empty if it can."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,8 @@ def place_scan(
     selected = select_points(scan, suffix, options)
     if options.viewpoint is not None:
         return _place_before_fixed_camera(selected, options.viewpoint, options, elevation, elevation_range)
+    if options.camera is not None:
+        return _place_before_own_camera(selected, scan, options, elevation, elevation_range)
     points, up = selected.points, selected.up
     azimuth, wanted, reason = choose_side(points, up, scan, options, elevation)
     own_elevation, note = clamp_elevation(wanted, elevation_range)
@@ -114,6 +125,44 @@ def place_scan(
         far_count=selected.far_count, user_azimuth=options.azimuth,
     )  # fmt: skip
     return PlacedCloud(cloud, placement, viewpoint)
+
+
+def _place_before_own_camera(
+    selected: SelectedPoints, scan: Scan, options: PlacementOptions, elevation: float,
+    elevation_range: tuple[float, float] | None,
+) -> PlacedCloud:  # fmt: skip
+    """The points before a camera in the data's units.
+
+    Raises:
+        ScanError: the camera sees none of them.
+        SettingError: the camera cannot be.
+    """
+    points, up, wish = selected.points, selected.up, options.camera
+    assert wish is not None
+    azimuth, own_elevation = 0.0, elevation
+    if isinstance(wish, LookAt) and wish.eye is None:  # only its direction is left to choose
+        azimuth, wanted, _ = choose_side(points, up, scan, options, elevation)
+        own_elevation = elevation if wanted is None else wanted
+    azimuth, height = math.radians(azimuth + options.azimuth), math.radians(own_elevation)
+    across = np.array([math.sin(azimuth), math.cos(azimuth)]) * -math.cos(height)
+    viewpoint, pinhole = camera_viewpoint(
+        prepend_canonical_point(points), up.rotation, wish, np.array([*across.tolist(), math.sin(height)])
+    )  # fmt: skip
+    cloud, camera = viewpoint.place(points), place_camera(pinhole, viewpoint)
+    check_visible(cloud, camera)
+    radius = _patch_radius(cloud, selected, options)
+    cloud = smooth_cloud(cloud, radius) if radius else cloud
+    unfamiliar = unfamiliar_reason(cloud, camera, elevation, elevation_range)
+    kind = "the given orthographic camera" if pinhole.orthographic else "the given camera"
+    reason = f"as {kind} sees it" + (f"; drawn without the network, as {unfamiliar}" if unfamiliar else "")
+    settled = None if elevation_range is None else min(max(camera.elevation, elevation_range[0]), elevation_range[1])
+    placement = Placement(
+        up.axis, up.reason, 0.0, settled, reason, selected.outlier_count,
+        background_count=selected.background_count, rounding_step=float32_step(points), smoothing_radius=radius,
+        hint=few_points_hint(selected.ball_count) if selected.ball_count else "", filled_count=selected.filled_count,
+        far_count=selected.far_count, own_camera=True,
+    )  # fmt: skip
+    return PlacedCloud(cloud, placement, viewpoint, camera, pinhole, unfamiliar)
 
 
 def select_points(scan: Scan, suffix: str, options: PlacementOptions) -> SelectedPoints:

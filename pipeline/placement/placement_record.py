@@ -38,6 +38,8 @@ class Placement:
     """Outliers that lie in clusters so far from the largest one that nothing would show."""
     user_azimuth: float = 0.0
     """Part of the azimuth, in degrees, by which the user turned the view."""
+    own_camera: bool = False
+    """Whether a camera in the data's units determines the side, so that the azimuth means nothing."""
 
     def to_json(self) -> dict[str, Any]:
         """The placement as a picture's record and ``--json`` keep it; the keys belong to these formats."""
@@ -81,6 +83,8 @@ class Placement:
         if self.up == FIXED_CAMERA:
             on = f", turned on by {round(self.azimuth)} from there" if self.azimuth else ""
             return f"{self.view_reason}{height}{on}"
+        if self.own_camera:
+            return f"up {self.up}: {self.up_reason}; {self.view_reason}"
         on = f", turned on by {round(self.user_azimuth)}" if self.user_azimuth else ""
         return (f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)} from the file's front{height}: "
                 f"{self.view_reason}{on}")

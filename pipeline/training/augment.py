@@ -73,6 +73,7 @@ def mirror_record(record: Record) -> Record:
         settings=record.mirrored_settings,
         mirrored_settings=record.settings,
         scene=replace(record.scene, light=(radius, -azimuth, elevation)),
+        texture=record.texture,
     )
 
 

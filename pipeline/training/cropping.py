@@ -39,7 +39,8 @@ def crop_batch(
         rows = [(one, top // side, left // side) for one, (top, left) in zip(images, corners, strict=True)]
         return torch.stack([one[:, top : top + height, left : left + width] for one, top, left in rows])
 
-    cropped = {name: crop(getattr(batch, name)) for name in ("buffers", "target", "coverage")}
+    images = [name for name in ("buffers", "target", "coverage", "factors") if getattr(batch, name) is not None]
+    cropped = {name: crop(getattr(batch, name)) for name in images}
     return replace(batch, **cropped), crop(encoding.expand(len(corners), *encoding.shape), cell)
 
 

@@ -18,14 +18,16 @@ import torch
 from z2p_core.camera import Camera
 from z2p_core.config.pipeline import TrainConfig, batch_size, training_fault
 from z2p_core.images import bytes_from_unit
-from z2p_core.interfaces import GBuffer, ZBuffer
+from z2p_core.interfaces import Condition, GBuffer, PointColors, ZBuffer
 from z2p_core.linalg import dot_axis, rotate_points
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
+from z2p_core.shading.demodulation import radiance_factors
+from z2p_renderer.pipeline.inference.input_buffers import draw_textured_buffers
 from z2p_renderer.pipeline.training.augment import draw_training_cloud, mirror_record
 from z2p_renderer.pipeline.training.distillation import Teacher
 from z2p_renderer.pipeline.training.make_shard import downsample_images
 from z2p_renderer.pipeline.training.shadow_debias import remove_shadow_bias
+from z2p_renderer.pipeline.training.textured_samples import in_neutral_color, texture_albedo
 from z2p_renderer.storage.shards import Record, Shard
 
 RECORD_CACHE_BYTES = 2 * 1024**3
@@ -46,7 +48,7 @@ class DatasetError(ValueError):
 
 @dataclass(frozen=True)
 class Batch:
-    """B samples, R pixels a side, C channels of z-buffer and G-buffer, S settings; float32 tensors."""
+    """B samples, R pixels a side, C channels of z-buffer, G-buffer and conditions, S settings; float32 tensors."""
 
     buffers: torch.Tensor
     """(B, C, R, R)"""
@@ -56,11 +58,14 @@ class Batch:
     """(B, 4, R, R) premultiplied sRGB and alpha"""
     coverage: torch.Tensor
     """(B, 1, R, R)"""
+    factors: torch.Tensor | None = None
+    """(B, 3, R, R), by which demodulation multiplies the network's image before it is compared with the target; None
+    where no sample has a texture."""
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on a device."""
-        tensors = (self.buffers, self.settings, self.target, self.coverage)
-        return Batch(*(tensor.to(device) for tensor in tensors))
+        tensors = (self.buffers, self.settings, self.target, self.coverage, self.factors)
+        return Batch(*(None if tensor is None else tensor.to(device) for tensor in tensors))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -69,14 +74,42 @@ class _Sample:
 
     buffers: np.ndarray
     record: Record
+    """With a texture, its settings have the cloud's neutral color."""
     teacher_image: np.ndarray | None = None
     """(R, R, 4) uint8, premultiplied RGBA; None without a teacher."""
+    factors: np.ndarray | None = None
+    """(3, R, R) float16 or float32, see `Batch.factors`; None without a texture."""
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """What is kept of a sample whose cloud is used again; the record itself is in a cache of its own."""
+
+    number: int
+    """Number of the cloud."""
+    buffers: np.ndarray
+    """(C, R, R) float16."""
+    settings: np.ndarray
+    teacher_image: np.ndarray | None
+    factors: np.ndarray | None
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of its images, which do not change in size from one cloud to the next; textures' need it as well."""
+        return self.buffers.nbytes + (0 if self.factors is None else self.factors.nbytes)
 
 
 class CloudDataset:
     """All records of some shards, split into training and validation, as batches with random clouds."""
 
-    def __init__(self, shards: Sequence[Path], config: TrainConfig, zbuffer: ZBuffer, gbuffer: GBuffer) -> None:
+    def __init__(
+        self,
+        shards: Sequence[Path],
+        config: TrainConfig,
+        zbuffer: ZBuffer,
+        gbuffer: GBuffer,
+        conditions: Sequence[Condition] = (),
+    ) -> None:
         """
         Raises:
             ShardError: a shard is damaged.
@@ -84,18 +117,19 @@ class CloudDataset:
             WeightsError, TeacherError: the teacher's weights cannot be used.
         """
         self.config = config
-        self.zbuffer, self.gbuffer = zbuffer, gbuffer
+        self.zbuffer, self.gbuffer, self.conditions = zbuffer, gbuffer, tuple(conditions)
         self.shards = [Shard(path) for path in shards]
         self.controls: list[dict[str, Any]] = _shared_attribute(self.shards, "controls")
         self.resolution: int = _shared_attribute(self.shards, "resolution")
         self.sides = config.resolutions or (self.resolution,)
+        self.is_textured = bool(_shared_attribute(self.shards, "textured"))
         self.settings = sum(int(control["size"]) for control in self.controls)
         self._check()
         self._teacher = Teacher(config.teacher, self.resolution, self.controls) if config.teacher else None
         self._pools = [shard.pool for shard in self.shards]
         self._record_cache: dict[tuple[tuple[int, int], int], Record] = {}
         self._record_bytes_left, self._buffer_bytes_left = RECORD_CACHE_BYTES, BUFFER_CACHE_BYTES
-        self._buffer_cache: dict[tuple[tuple[int, int], int], tuple[int, np.ndarray, np.ndarray | None]] = {}
+        self._buffer_cache: dict[tuple[tuple[int, int], int], _Drawing] = {}
         places = [(number, row) for number, shard in enumerate(self.shards) for row in range(len(shard))]
         if len(places) < 2:
             raise DatasetError(f"expected two records or more, to train on and to validate with, got {len(places)}")
@@ -166,6 +200,12 @@ class CloudDataset:
     def _check(self) -> None:
         if fault := training_fault(self.config, self.resolution):
             raise DatasetError(fault)
+        if (self.is_textured or self.conditions) and not self.gbuffer.draws_textures:
+            raise DatasetError(f"textures and conditions need a G-buffer that draws textures, got {self.gbuffer.name}")
+        if (self.is_textured or self.conditions) and "color" not in [control["name"] for control in self.controls]:
+            raise DatasetError("textures and conditions need the control color, got shards without it")
+        if self.is_textured and self.config.teacher:
+            raise DatasetError("teacher: expected none for shards with textures, which teachers do not draw")
 
     def _training_sample(self, number: int, side: int, drawing: int) -> _Sample:
         """Sample of a training record with cloud number `drawing`, whose buffers are cached until the next one."""
@@ -173,16 +213,20 @@ class CloudDataset:
         cached = self._buffer_cache.get((place, side))
         rng = np.random.default_rng((TRAINING_SEED, self.config.seed, side, number, drawing))
         is_mirrored = self.config.mirror and bool(rng.integers(2))
-        if cached and cached[0] == drawing:
-            return _Sample(cached[1].astype(np.float32), self._record(place, side, is_mirrored), cached[2])
+        if cached and cached.number == drawing:
+            record = replace(self._record(place, side, is_mirrored), settings=cached.settings)
+            return _Sample(cached.buffers.astype(np.float32), record, cached.teacher_image, cached.factors)
         # at the shards' own resolution a teacher has no advantage
         sample = self._sample(place, side, rng, is_mirrored, self._teacher if side < self.resolution else None)
         if self.config.reuse > 1:
             packed = sample.buffers.astype(np.float16)
-            if cached or packed.nbytes <= self._buffer_bytes_left:
-                self._buffer_bytes_left -= 0 if cached else packed.nbytes
-                self._buffer_cache[place, side] = drawing, packed, sample.teacher_image
-            sample = replace(sample, buffers=packed.astype(np.float32))  # rounded whether it was cached or not
+            factors = None if sample.factors is None else sample.factors.astype(np.float16)
+            kept = _Drawing(drawing, packed, sample.record.settings, sample.teacher_image, factors)
+            if cached or kept.nbytes <= self._buffer_bytes_left:
+                self._buffer_bytes_left -= 0 if cached else kept.nbytes
+                self._buffer_cache[place, side] = kept
+            # rounded whether it was cached or not
+            sample = replace(sample, buffers=packed.astype(np.float32), factors=factors)
         return sample
 
     def _sample(
@@ -195,15 +239,24 @@ class CloudDataset:
     ) -> _Sample:
         record, pool = self._record(place, side, is_mirrored), self._pools[place[0]]
         rotation = np.array(record.scene.rotation, dtype=np.float32)
+        cloud = draw_training_cloud(pool, self.config, rng)
+        albedo = texture_albedo(record, cloud)
+        if albedo is not None:
+            record = in_neutral_color(record, albedo, self.controls)
         scene = record.scene
         if scene.floor is None:  # the mesh's lowest point; the pool is dense enough to give it
             scene = replace(scene, floor=float(dot_axis(pool, rotation[2]).min()))
-        cloud = rotate_points(draw_training_cloud(pool, self.config, rng), rotation)
+        cloud = rotate_points(cloud, rotation)
         cloud[:, 2] += scene.lift
         if is_mirrored:
             cloud[:, 0] *= -1
-        buffers = draw_buffers(cloud, Camera(side, side, scene.elevation), scene, self.zbuffer, self.gbuffer)
-        return _Sample(buffers, record, self._teacher_image(teacher, cloud, scene, record, side) if teacher else None)
+        colors, camera = None if albedo is None else PointColors(cloud, albedo), Camera(side, side, scene.elevation)
+        buffers, relative = draw_textured_buffers(
+            cloud, colors, camera, scene, self.zbuffer, self.gbuffer, self.conditions
+        )
+        taught = self._teacher_image(teacher, cloud, scene, record, side) if teacher else None
+        factors = None if colors is None or relative is None else radiance_factors(relative)
+        return _Sample(buffers, record, taught, factors)
 
     def _teacher_image(
         self, teacher: Teacher, cloud: np.ndarray, scene: SceneDescription, record: Record, side: int
@@ -242,7 +295,15 @@ def _collate(samples: list[_Sample], haze: float, teacher_share: float = 0.0) ->
         target = torch.lerp(target, _float_images(taught_images), teacher_share * (coverage > 0))
     settings = torch.from_numpy(np.stack([record.settings for record in records]))
     buffers = torch.from_numpy(np.stack([sample.buffers for sample in samples]))
-    return Batch(buffers, settings, target, coverage)
+    return Batch(buffers, settings, target, coverage, _factors(samples))
+
+
+def _factors(samples: list[_Sample]) -> torch.Tensor | None:
+    """`Batch.factors` of samples: 1 for those without a texture."""
+    if all(sample.factors is None for sample in samples):
+        return None
+    one = np.ones((3, *samples[0].buffers.shape[1:]), np.float32)
+    return torch.from_numpy(np.stack([one if sample.factors is None else sample.factors for sample in samples])).float()
 
 
 def _float_images(images: list[np.ndarray]) -> torch.Tensor:
@@ -254,10 +315,11 @@ def _shared_attribute(shards: list[Shard], key: str) -> Any:
     """The value of attribute `key`, which all shards must share."""
     if not shards:
         raise DatasetError("expected shards to train on, got none")
+    first = shards[0].attributes.get(key)
     for shard in shards[1:]:
-        if shard.attributes[key] != shards[0].attributes[key]:
+        if (other := shard.attributes.get(key)) != first:
             raise DatasetError(
-                f"shards differ in {key}: {shards[0].path} has {shards[0].attributes[key]}, {shard.path} has "
-                f"{shard.attributes[key]}; make them with one config"
+                f"shards differ in {key}: {shards[0].path} has {first}, {shard.path} has {other}; make them with one "
+                "config"
             )
-    return shards[0].attributes[key]
+    return first

@@ -28,7 +28,8 @@ def make_shard(
     """``out/shard.h5`` with every view of the render folders, by view number, and the pool (P, 3) of points.
 
     Renders larger than the shard's resolution are area-averaged in linear premultiplied light. The settings vector is
-    the controls' encodings, concatenated in their order. `mesh` is the name that the shard stores.
+    the controls' encodings, concatenated in their order. `mesh` is the name that the shard stores. Views with a
+    ``texture``, be it null, make a shard that keeps their textures.
 
     Raises:
         ConfigError: the shard's resolution does not divide the renders'.
@@ -44,6 +45,8 @@ def make_shard(
         ],
         "resolution": config.resolution,
     }
+    if "texture" in json.loads(views[0].read_text(encoding="utf-8")):
+        attributes["textured"] = True
     out.mkdir(parents=True, exist_ok=True)
     records = (read_view(path, config.resolution, controls) for path in views)
     write_shard(out / "shard.h5", records, np.load(pool_path, allow_pickle=False), attributes)
@@ -73,6 +76,7 @@ def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Reco
         settings=settings_vector(values, controls),
         mirrored_settings=settings_vector(turned, controls),
         scene=scene,
+        texture=view.get("texture"),
     )
 
 

@@ -27,6 +27,8 @@ ADAM_BETAS = (0.9, 0.99)
 WEIGHT_DECAY = 0.01
 ENCODER_SEED = 4
 """First word of the encoder's seed; differs from those in `pipeline.training.dataset`."""
+CONVOLUTION_DIMENSIONS = 4
+"""Dimensions of a convolution's weights: outputs, inputs, height, width."""
 SETTINGS_LAYER = "mapping.layers.0.weight"
 """State-dict key of the only tensor, (M, S), whose shape depends on the controls."""
 
@@ -71,7 +73,8 @@ def start_training(shards: Sequence[Path], config: TrainConfig, device: torch.de
         if getattr(config, name) < 1:
             raise ValueError(f"train: {name}: expected 1 or more, got {getattr(config, name)}")
     zbuffer, gbuffer = (registry.load(f"{kind}s", getattr(config.network, kind))() for kind in ("zbuffer", "gbuffer"))
-    data = CloudDataset(shards, config, zbuffer, gbuffer)
+    conditions = [registry.load("conditions", name)() for name in config.network.conditions]
+    data = CloudDataset(shards, config, zbuffer, gbuffer, conditions)
     start_weights = load_network(config.start, to_train=True) if config.start else None
     if start_weights:
         encoder = start_weights.encoder
@@ -80,10 +83,15 @@ def start_training(shards: Sequence[Path], config: TrainConfig, device: torch.de
         encoder = registry.load("encoders", config.network.encoder).create(rng)
     cells = {side: Camera(side, side).frame_coordinates(config.network.unshuffle) for side in data.sides}
     encodings = {side: torch.from_numpy(encoder.encode(u, v)).to(device) for side, (u, v) in cells.items()}
-    network = build_network(config.network, zbuffer.channels + gbuffer.channels, encoder.channels, data.settings)
+    channels = zbuffer.channels + gbuffer.channels
+    extra = sum(condition.channels for condition in conditions)
+    network = build_network(config.network, channels + extra, encoder.channels, data.settings)
     if start_weights:
         _check_start_weights(start_weights.card, config, data)
-        network.load_state_dict(_add_control_columns(start_weights.network.state_dict(), network.state_dict()))
+        own = start_weights.card.get("conditions", [])
+        start_channels = channels + sum(condition.channels for condition in conditions[: len(own)])
+        known = _add_control_columns(start_weights.network.state_dict(), network.state_dict())
+        network.load_state_dict(_add_condition_inputs(known, network.state_dict(), config.network, start_channels))
     network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     average = copy.deepcopy(network).eval().requires_grad_(False)
     optimizer = torch.optim.AdamW(network.parameters(), betas=ADAM_BETAS, weight_decay=WEIGHT_DECAY, fused=True)
@@ -102,6 +110,8 @@ def _check_start_weights(card: dict[str, Any], config: TrainConfig, data: CloudD
     wanted_network = config.network
     if registry.load("gbuffers", wanted_network.gbuffer).refines == network.gbuffer:
         wanted_network = replace(wanted_network, gbuffer=network.gbuffer)
+    # further conditions are learnt
+    wanted_network = replace(wanted_network, conditions=wanted_network.conditions[: len(network.conditions)])
     known = [[entry["name"], entry["version"]] for entry in card["controls"]]
     controls = [[control["name"], control["version"]] for control in data.controls]
     pairs = {
@@ -126,6 +136,24 @@ def _add_control_columns(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor
     columns = known[SETTINGS_LAYER]
     new = columns.new_zeros(len(columns), fresh[SETTINGS_LAYER].shape[1] - columns.shape[1])
     return {**known, SETTINGS_LAYER: torch.cat([columns, new], dim=1)}
+
+
+def _add_condition_inputs(
+    known: Mapping[str, Tensor], fresh: Mapping[str, Tensor], config: NetworkConfig, channels: int
+) -> dict[str, Tensor]:
+    """The tensors of the weights to start from, with new inputs for each condition that they lack, of weight 0.
+
+    `channels` are those of the buffers that they read. New ones follow these, and come before the encoding.
+    """
+    first_new = {"stem.weight": channels * config.unshuffle**2, "encode.0.first.weight": channels}
+    widened = dict(known)
+    for name, tensor in known.items():
+        missing = fresh[name].shape[1] - tensor.shape[1] if tensor.ndim == CONVOLUTION_DIMENSIONS else 0
+        if missing > 0:
+            before, after = tensor.tensor_split([first_new.get(name, tensor.shape[1])], dim=1)
+            new = tensor.new_zeros(len(tensor), missing, *tensor.shape[2:])
+            widened[name] = torch.cat([before, new, after], dim=1)
+    return widened
 
 
 def weights_card(state: TrainingState) -> dict[str, Any]:
@@ -204,7 +232,9 @@ def _config_shaping_weights(config: TrainConfig) -> dict[str, Any]:
 def _plugin_cards(state: TrainingState) -> dict[str, Any]:
     """The plugins that the weights need, as the card lists them."""
     network, encoder = state.config.network, state.encoder
+    conditions = [{"name": condition.name, "version": condition.version} for condition in state.data.conditions]
     return {
+        **({"conditions": conditions} if conditions else {}),
         "zbuffer": {"name": network.zbuffer, "version": state.data.zbuffer.version},
         "gbuffer": {"name": network.gbuffer, "version": state.data.gbuffer.version},
         "encoder": {"name": network.encoder, "version": encoder.version, "state": encoder.state},

@@ -30,6 +30,7 @@ from z2p_renderer.pipeline.training.state import (
     start_training,
     weights_card,
 )
+from z2p_renderer.pipeline.training.textured_samples import multiply_radiance
 from z2p_renderer.storage.models.checkpoints import save_checkpoint, save_weights
 
 MAX_GRADIENT_NORM = 1.0
@@ -130,6 +131,8 @@ def _train_step(state: TrainingState, batch: Batch) -> Row:
     autocast = torch.autocast(state.device.type, torch.bfloat16) if state.precision == "bfloat16" else nullcontext()
     with autocast:
         prediction = state.network(batch.buffers, encoding, batch.settings)
+    if batch.factors is not None:
+        prediction = multiply_radiance(prediction.float(), batch.factors)
     loss, terms = total_loss(prediction, batch.target, batch.coverage, state.config.loss)
     state.optimizer.zero_grad()
     loss.backward()
@@ -173,6 +176,8 @@ def _validate(state: TrainingState, out: Path) -> str:
         batch = state.data.validation_batch(numbers).to(state.device)
         with torch.no_grad():
             prediction = state.average(batch.buffers, state.encodings[batch.buffers.shape[-1]], batch.settings)
+        if batch.factors is not None:
+            prediction = multiply_radiance(prediction, batch.factors)
         measured.append((len(numbers), validation_metrics(prediction, batch.target, batch.coverage)))
         if first == 0:
             strip = (tensor[:STRIP_IMAGES] for tensor in (batch.buffers, prediction, batch.target))

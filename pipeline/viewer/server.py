@@ -143,7 +143,8 @@ class ViewServer(ThreadingHTTPServer):
         return {
             "panes": [pane.label for pane in self.scans.panes], "faults": self.scans.faults,
             "sliders": {name: asdict(slider) for name, slider in self.scans.sliders(weights).items()},
-            "fields": self.scans.fields, "up": self.first_up, "colormaps": COLORMAPS, "weights": ["auto", *shipped_weights()],
+            "fields": self.scans.fields, "up": self.first_up, "colormaps": COLORMAPS,
+            "weights": ["auto", *shipped_weights()],
         }  # fmt: skip
 
 
@@ -291,9 +292,10 @@ class _Handler(BaseHTTPRequestHandler):
         self, content: bytes, kind: str, headers: dict[str, str] | None = None, status: HTTPStatus = HTTPStatus.OK
     ) -> None:  # fmt: skip
         self.send_response(status)
-        for name, text in {"Content-Type": kind, "Content-Length": str(len(content)), "Cache-Control": "no-store",
-                           "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer",
-                           **({"Connection": "close"} if self.close_connection else {}), **(headers or {})}.items():  # fmt: skip
+        closing = {"Connection": "close"} if self.close_connection else {}
+        fixed = {"Content-Type": kind, "Content-Length": str(len(content)), "Cache-Control": "no-store",
+                 "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer"}  # fmt: skip
+        for name, text in {**fixed, **closing, **(headers or {})}.items():
             self.send_header(name, text)
         self.end_headers()
         self.wfile.write(content)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from z2p_core.camera import Camera
+from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import linear_from_srgb, srgb_from_linear
 from z2p_core.interfaces import PointColors
 from z2p_core.shading.detail_light import transfer_light
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 MIN_SPACING = 1e-5
 """Smallest spacing of the points that an image shows, in world units."""
+MAX_DISTANCE_ERROR = 1e-6
+"""Difference from the usual distance of the camera that is rounding, in world units."""
 PATCH_NEIGHBORS = 12
 """Neighbors to whose places a clean surface is fitted: fewer than for a sparse cloud, whose points are no means."""
 
@@ -49,11 +51,12 @@ class Detail:
 def visible_detail(
     cloud: np.ndarray, surface: SurfacePoints, spacing: float, camera: Camera, colors: PointColors | None
 ) -> Detail | None:  # fmt: skip
-    """What the camera sees of a dense cloud (N, 3); None where all of its points are lit.
+    """What the camera sees of a dense cloud (N, 3); None where the points that are lit are drawn themselves.
 
-    `surface` has those points of the cloud that are lit, `spacing` is their median spacing.
+    So are those of clouds that are not dense, and in views by cameras elsewhere than weights know them. `surface` has
+    the points of the cloud that are lit, `spacing` is their median spacing.
     """
-    if len(cloud) <= MAX_SURFACE_POINTS:
+    if len(cloud) <= MAX_SURFACE_POINTS or not _is_usual(camera):
         return None
     own_spacing = spacing * math.sqrt(len(surface.points) / len(cloud))
     has_own_colors = colors is not None and np.array_equal(colors.points, cloud)
@@ -66,6 +69,12 @@ def visible_detail(
     if merged.values is not None:
         colors = PointColors(merged.points, merged.values)
     return Detail(shown, surfels, radii, None if colors is None else surface_albedo(shown, colors))
+
+
+def _is_usual(camera: Camera) -> bool:
+    """Whether the camera stands at the usual distance, and its pixels are all alike."""
+    is_near = abs(float(np.linalg.norm(camera.position)) - DISTANCE) < MAX_DISTANCE_ERROR
+    return is_near and camera.is_canonical and not camera.orthographic
 
 
 class DetailShader:

@@ -22,9 +22,10 @@ from functools import cached_property
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import DEPTH_RANGE, Camera
+from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
 from z2p_core.linalg import dot_axis, row_dots
+from z2p_core.placement.placed_camera import PlacedCamera
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
 from z2p_core.shading.area_light import area_light_quad, area_light_samples
 from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, MaterialChannel
@@ -321,8 +322,10 @@ def pixel_positions(depth: np.ndarray, covered: np.ndarray, camera: Camera, top:
     `depth` (M,) is their channel `DEPTH`.
     """
     row, column = np.nonzero(covered)
-    near, far = DEPTH_RANGE
+    near, far = camera.depth_range
     z = far - (far - near) * depth
+    if isinstance(camera, PlacedCamera):
+        return camera.unproject(np.column_stack([column + 0.5, row + top + 0.5]), z).astype(np.float32)
     x = (column + 0.5 - camera.width / 2) / camera.focal * z
     y = (row + top + 0.5 - camera.height / 2) / camera.focal * z
     positions: np.ndarray = np.stack([x, y, z], axis=1) @ camera.rotation + camera.position

@@ -14,7 +14,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import DEPTH_RANGE, Camera
+from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer, PointColors, PreparedCloud
 from z2p_core.linalg import rotate_points
@@ -309,6 +309,10 @@ class Surfels(GBuffer):
         floor[3] = shadow
         return features[GBufferChannel.COVERAGE] + (shadow > NETWORK_SHADOW_ALPHA), floor
 
+    def rough_picture(self, features: np.ndarray) -> np.ndarray:
+        coverage, shadow = features[GBufferChannel.COVERAGE], features[GBufferChannel.SHADOW]
+        return np.concatenate([coverage * features[RADIANCE_RGB], (coverage + (1 - coverage) * shadow)[None]])
+
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
         coverage, shadow = features[GBufferChannel.COVERAGE], features[GBufferChannel.SHADOW]
         pixel_spacing = math.sqrt(PIXEL_AREA_PER_POINT * float(coverage.sum()) / max(points, 1))
@@ -372,7 +376,7 @@ def rasterize(
             rows = (strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS)
             for index, (values, layer) in enumerate(zip(features, layers, strict=True)):
                 texture = (textures, colors_out) if index == 0 else (None, None)
-                native.rasterize_surfels(discs, values, camera, BLENDING, DEPTH_RANGE, layer, rows, *texture)
+                native.rasterize_surfels(discs, values, camera, BLENDING, camera.depth_range, layer, rows, *texture)
             shader.shade_pixels(camera, rows, layers)
 
     parallel_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)

@@ -1,11 +1,14 @@
-"""Animations on disk: endless loops as WebP, GIF or MP4, written atomically."""
+"""Animations on disk: endless loops as WebP, GIF, APNG or MP4, written atomically."""
 
 from __future__ import annotations
 
 import io
+import json
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +17,9 @@ import numpy as np
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_write, check_file_target
-from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, PictureError, format_record
+from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, RECORD_KEYWORD, WHITE, PictureError, format_record
 
-ANIMATION_SUFFIXES = (".webp", ".gif", ".mp4")
+ANIMATION_SUFFIXES = (".webp", ".gif", ".mp4", ".apng")
 WEBP_QUALITY = 90
 """Of 100; lossy."""
 MP4_CRF = 18
@@ -32,7 +35,7 @@ MIN_FRAME_MS = 16
 
 
 def write_animation(
-    frames: Sequence[np.ndarray],
+    frames: Iterable[np.ndarray],
     path: Path,
     rate: float,
     background: tuple[float, float, float] | None = None,
@@ -40,8 +43,9 @@ def write_animation(
 ) -> None:
     """Writes frames (H, W, 4) uint8, straight RGBA, as an endless loop of `rate` frames per second.
 
-    WebP keeps the transparency. GIF has one palette of 256 colors for all frames, so that colors do not flicker. MP4
-    (H.264) needs even sides; an odd side gets one more row or column by repeating the last.
+    WebP and APNG keep the transparency, APNG without any loss. GIF has one palette of 256 colors for all frames, so
+    that colors do not flicker. MP4 (H.264) needs even sides; an odd side gets one more row or column by repeating the
+    last. Frames of an MP4 are encoded as they come; of the others all are kept in memory.
 
     Raises:
         PictureError: the suffix is of another format, MP4 is asked for without its extra, or the path is that of
@@ -56,15 +60,18 @@ def write_animation(
     if background is None and suffix in OPAQUE_SUFFIXES:
         background = WHITE
     if background is not None:
-        frames = [bytes_from_unit(composite(unit_from_bytes(frame), background)) for frame in frames]
+        behind = background
+        frames = (bytes_from_unit(composite(unit_from_bytes(frame), behind)) for frame in frames)
     match suffix:
         case ".webp":
-            atomic_write(_encode_webp(frames, rate, record), path)
+            atomic_write(_encode_webp(list(frames), rate, record), path)
+        case ".apng":
+            atomic_write(_encode_apng(list(frames), rate, record), path)
         case ".gif":
             background_color = bytes_from_unit(np.array(background))
-            atomic_write(_encode_gif(frames, rate, background_color, record), path)
+            atomic_write(_encode_gif(list(frames), rate, background_color, record), path)
         case _:
-            atomic_write(_encode_mp4(frames, rate, record), path)
+            atomic_write(_encode_mp4(iter(frames), rate, record), path)
 
 
 def check_animation_suffix(suffix: str) -> None:
@@ -90,6 +97,19 @@ def _encode_webp(frames: Sequence[np.ndarray], rate: float, record: dict[str, An
     encoded = io.BytesIO()
     first.save(encoded, format="WEBP", save_all=True, append_images=rest, loop=0, quality=WEBP_QUALITY, method=4,
                duration=_frame_durations(len(frames), rate, 1), minimize_size=True, exif=exif)  # fmt: skip
+    return encoded.getvalue()
+
+
+def _encode_apng(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
+    from PIL import Image, PngImagePlugin
+
+    texts = PngImagePlugin.PngInfo()
+    if record is not None:
+        texts.add_text(RECORD_KEYWORD, json.dumps(record, allow_nan=False))
+    first, *rest = (Image.fromarray(frame) for frame in frames)
+    encoded = io.BytesIO()
+    first.save(encoded, format="PNG", save_all=True, append_images=rest, loop=0, pnginfo=texts,
+               duration=_frame_durations(len(frames), rate, 1), blend=PngImagePlugin.Blend.OP_SOURCE)  # fmt: skip
     return encoded.getvalue()
 
 
@@ -129,8 +149,10 @@ def _frame_durations(count: int, rate: float, step: int) -> list[int]:
     return [max(int(duration), -(-MIN_FRAME_MS // step) * step) for duration in np.diff(ends)]
 
 
-def _encode_mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
-    height, width = frames[0].shape[:2]
+def _encode_mp4(frames: Iterator[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
+    """Each frame is handed to ffmpeg as it comes, so that a long film need not be in memory."""
+    first = next(frames)
+    height, width = first.shape[:2]
     padding = ((0, height % 2), (0, width % 2), (0, 0))
     with tempfile.TemporaryDirectory(prefix="z2p-") as folder:
         file = Path(folder) / "loop.mp4"
@@ -141,12 +163,25 @@ def _encode_mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any
                    "-c:v", "libx264", "-crf", str(MP4_CRF), "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
         if record is not None:
             command += ["-metadata", f"comment={format_record(record)}"]
-        raw = b"".join(np.pad(frame, padding, mode="edge").tobytes() for frame in frames)
-        done = subprocess.run([*command, str(file)], input=raw, capture_output=True)
-        if done.returncode != 0:
-            reason = " ".join(done.stderr.decode(errors="replace").split())[-200:]
+        messages = Path(folder) / "messages.txt"
+        with messages.open("wb") as log:
+            encoder = subprocess.Popen([*command, str(file)], stdin=subprocess.PIPE, stdout=log, stderr=log)
+            try:
+                _feed(encoder, (np.pad(frame, padding, mode="edge") for frame in chain([first], frames)))
+            finally:
+                failed = encoder.wait() != 0
+        if failed:
+            reason = " ".join(messages.read_bytes().decode(errors="replace").split())[-200:]
             raise PictureError(f"the video could not be encoded ({reason}); name a .webp instead")
         return file.read_bytes()
+
+
+def _feed(encoder: subprocess.Popen[bytes], frames: Iterator[np.ndarray]) -> None:
+    """Writes raw frames to a process; stops if it ended early, whose exit status then says so."""
+    assert encoder.stdin is not None
+    with suppress(BrokenPipeError), encoder.stdin as pipe:
+        for frame in frames:
+            pipe.write(frame.tobytes())
 
 
 def _ffmpeg() -> str:

@@ -21,6 +21,8 @@ from z2p_renderer.storage.scans.silenced_libraries import quiet
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
 """Suffix -> format, by pillow's name for it."""
+DOCUMENT_SUFFIXES = (".pdf", ".svg")
+"""Suffixes of documents that embed a picture; `storage.images.documents` reads their records."""
 OPAQUE_SUFFIXES = frozenset({".jpg", ".jpeg", ".gif", ".mp4"})
 """Suffixes of formats without partial transparency; pictures in them get a white background if none is given."""
 RECORD_KEYWORD = "z2p"
@@ -39,15 +41,17 @@ def write_picture(
     path: Path,
     background: tuple[float, float, float] | None = None,
     record: dict[str, Any] | None = None,
+    dpi: float | None = None,
 ) -> None:
     """Writes a picture (H, W, 4) uint8, straight RGBA, in the format of the path's suffix.
 
     With a `background` (sRGB in [0, 1]) the file is opaque RGB. PNG, WebP and TIFF are lossless; JPEG has quality 95.
+    `dpi`, the pixels of an inch on paper, is noted in PNG, TIFF and JPEG; WebP has no place for it.
 
     Raises:
         PictureError: the suffix stands for no supported format, or the path is that of something other than a file.
     """
-    encoded = encode_picture(picture, path.suffix.lower(), background, record)
+    encoded = encode_picture(picture, path.suffix.lower(), background, record, dpi)
     try:
         atomic_write(encoded, path)
     except NotAFileError as error:
@@ -59,6 +63,7 @@ def encode_picture(
     suffix: str,
     background: tuple[float, float, float] | None = None,
     record: dict[str, Any] | None = None,
+    dpi: float | None = None,
 ) -> bytes:
     """The content of the file that `write_picture` writes; `suffix` is in lower case, with its dot.
 
@@ -71,11 +76,13 @@ def encode_picture(
     if background is not None:
         picture = bytes_from_unit(composite(unit_from_bytes(picture), background))
     if suffix == ".png":
-        return encode_png(picture, {} if record is None else {RECORD_KEYWORD: json.dumps(record, allow_nan=False)})
+        texts = {} if record is None else {RECORD_KEYWORD: json.dumps(record, allow_nan=False)}
+        return encode_png(picture, texts, dpi)
     from PIL import Image  # imported late: PNG, the usual format, does not need it
 
     image, encoded = Image.fromarray(picture), io.BytesIO()
-    image.save(encoded, format=FORMATS[suffix], **_encoder_options(FORMATS[suffix], record))
+    resolution = {} if dpi is None or FORMATS[suffix] == "WEBP" else {"dpi": (dpi, dpi)}
+    image.save(encoded, format=FORMATS[suffix], **_encoder_options(FORMATS[suffix], record), **resolution)
     return encoded.getvalue()
 
 
@@ -95,7 +102,12 @@ def read_record(path: Path, *, complete: bool = False) -> dict[str, Any]:
     Raises:
         PictureError: the file is no picture, has no record (picture editors may drop it), or has an invalid one.
     """
-    text = _read_record_text(path)
+    if path.suffix.lower() in DOCUMENT_SUFFIXES:
+        from z2p_renderer.storage.images.documents import document_description
+
+        text = _without_keyword(document_description(path))
+    else:
+        text = _read_record_text(path)
     if text is None:
         raise PictureError(f"{printable(path)}: holds no record of z2p; another program wrote it, or saved it again "
                            "without its text")
@@ -131,6 +143,11 @@ def _read_record_text(path: Path) -> str | None:
     except Exception as error:  # pillow raises all kinds of errors on damaged files
         reason = f"{type(error).__name__}: {error_reason(error)}"
         raise PictureError(f"{printable(path)}: cannot be read ({reason})") from error
+    return _without_keyword(text)
+
+
+def _without_keyword(text: Any) -> str | None:
+    """The record in a description, as JSON text; None if it holds none."""
     is_record = isinstance(text, str) and text.startswith(f"{RECORD_KEYWORD}: ")
     return str(text).removeprefix(f"{RECORD_KEYWORD}: ") if is_record else None
 

@@ -75,6 +75,13 @@ _PARTS: dict[str, Any] = {
     "window": ListOf(_NUMBER, 4, 4),
     "motion": MappingOf(AnyOf((_TEXT, Boolean(), _NUMBER))),
     "batch": Count(1, 1 << 30),
+    "pinhole": MappingOf(AnyOf((_TEXT, _NUMBER, _VECTOR, ListOf(_VECTOR, 3, 3)))),
+    "pinhole_wish": MappingOf(AnyOf((_TEXT, Boolean(), OrNone(_NUMBER), _VECTOR, ListOf(_VECTOR, 3, 3)))),
+    "without_network": _TEXT,
+    "dpi": Number(0, 1e6, exclude_minimum=True),
+    "scale_bar": Boolean(),
+    "axes": Boolean(),
+    "unit": _TEXT,
 }
 RECORD_LIMITS = JsonObject({"record": Count(1, 1)}, _PARTS)
 _REDRAWABLE_LIMITS = JsonObject({

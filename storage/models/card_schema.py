@@ -26,6 +26,7 @@ NETWORK: dict[str, Limit | DataclassFields] = {
     "zbuffer": _NAME,
     "gbuffer": _NAME,
     "encoder": _NAME,
+    "conditions": ListOf(_NAME, 0, 100),
 }
 """Of the network that a card describes: absurd sizes are refused before anything is made of them."""
 
@@ -39,5 +40,6 @@ CARD = JsonObject(
         "resolution": AnyOf((Count(1, 65_536), ListOf(Count(1, 65_536), 1, 1000))),
         "fixed_elevation": OrNone(Number(-90, 90)),
         "training": JsonObject({}, {"cropped": Boolean()}),
-    }
+    },
+    {"conditions": ListOf(_PLUGIN, 0, 100)},
 )

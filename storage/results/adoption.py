@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from z2p_renderer.storage.results.differences import CODE_FIELDS, compare_fields
-from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, fingerprint
+from z2p_renderer.storage.results.fingerprints import RENDER_STAGES, STAGE_VERSIONS, fingerprint
 from z2p_renderer.storage.results.manifests import read_manifest
 from z2p_renderer.storage.results.store import Entry, Store, StoreError, check_result
 from z2p_renderer.storage.results.work_note import read_note, write_note
@@ -116,11 +116,11 @@ def _unfinished_candidates(
 
 def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candidate | None:
     fields = dict(entry.fields)
-    ranged = entry.stage != "render" or all(key in manifest["fields"] for key in VIEW_RANGE)
+    ranged = entry.stage not in RENDER_STAGES or all(key in manifest["fields"] for key in VIEW_RANGE)
     if not ranged or manifest["fields"].get("stage_version", 0) > fields["stage_version"]:
         return None
     name = entry.name
-    if entry.stage == "render":
+    if entry.stage in RENDER_STAGES:
         fields |= {key: manifest["fields"][key] for key in VIEW_RANGE}
         name = f"{name.rpartition('/')[0]}/{fields['first']}-{fields['last']}"
     if fingerprint(fields) == manifest["fingerprint"]:
@@ -137,7 +137,8 @@ def _preference(result: tuple[Path, dict[str, Any]]) -> tuple[int, str]:
 
 def without_view_range(fields: Mapping[str, Any]) -> dict[str, Any]:
     """The fields without the range of views: those that all chunks of a mesh's renders share."""
-    return {key: value for key, value in fields.items() if fields.get("stage") != "render" or key not in VIEW_RANGE}
+    is_render = fields.get("stage") in RENDER_STAGES
+    return {key: value for key, value in fields.items() if not is_render or key not in VIEW_RANGE}
 
 
 class _CodeFreeFingerprints:

@@ -23,10 +23,14 @@ SCHEMA = 2
 
 STAGE_VERSIONS: dict[str, int] = {
     "shapes": 1, "sample": 1, "render": 1, "shard": 2, "train": 2, "evaluate": 1, "reference": 1, "textured": 1,
+    "textured_render": 1,
     "measure": 1, "scans": 1, "times": 1, "trust": 1, "report": 1,
     "compare": 1,
 }  # fmt: skip
 """Raised by hand when a stage's code starts to give other results; the stage and all downstream become stale."""
+RENDER_STAGE, TEXTURED_RENDER_STAGE = "render", "textured_render"
+"""The stages whose results are chunks of views: of meshes in one color, and of meshes some of which have textures."""
+RENDER_STAGES = (RENDER_STAGE, TEXTURED_RENDER_STAGE)
 PACKAGE_FILE = "__init__.py"
 PLUGIN_KEYS = {"name", "version", "code"}
 """Keys of `plugin_fields`, and of nothing else in an entry's fields."""

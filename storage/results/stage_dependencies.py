@@ -109,6 +109,10 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         "workflows.stages:RenderChunk", "pipeline.rendering.views", *_RANDOM_ROTATION, *_RENDERS,
         *_CONTROLS,
     ),
+    "textured_render": (
+        "workflows.stages:TexturedRenderChunk", "pipeline.rendering.textured_views", "pipeline.rendering.views",
+        *_TEXTURED_RENDERS, *_RANDOM_ROTATION, *_RENDERS, *_CONTROLS,
+    ),
     "shard": (
         "workflows.stages:ShardMesh", "pipeline.training.make_shard", "pipeline.rendering.views:load_controls",
         "storage.shards", "z2p_core.images", *_CONTROLS,
@@ -116,7 +120,8 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
     "train": (
         "workflows.stages:Train",
         *(f"pipeline.training.{name}" for name in ("train", "state", "dataset", "augment", "distillation", "cropping",
-                                                   "learning_curve", "shadow_debias")),
+                                                   "learning_curve", "shadow_debias", "textured_samples")),
+        "pipeline.rendering.textures", *(part for part in _CONTROLS if part != "z2p_core.scene"),
         "pipeline.training.make_shard:downsample_images", "pipeline.export", "pipeline.export.fp16_constants",
         "pipeline.inference.engine_selection", *_EXPORTED_FILES, "storage.shards",
         "z2p_core.config.pipeline:batch_size", "z2p_core.config.pipeline:samples_until", "z2p_core.images",
@@ -185,7 +190,6 @@ NOT_IN_FINGERPRINT: dict[str, str] = {
     "z2p_core.config.report": "a stage's values are in its fingerprint",
     "z2p_core.registry": "finds plugins, whose code is in the fingerprint",
     "z2p_core.interfaces": "abstract classes, except Control and Slider, which are listed where they matter",
-    "train/z2p_core.interfaces:Control": "shards hold encoded settings; training only compares names and sizes",
     "workflows.ablation.plan": "its steps' fields are in their fingerprints",
     "workflows.sources": "the values that a source leads to are in the fingerprint",
     # where files lie, not what is in them
@@ -217,6 +221,8 @@ NOT_IN_FINGERPRINT: dict[str, str] = {
     "workflows.process.task_log": "writes the log",
     "z2p_core.network.telemetry": "switches off the telemetry of libraries",
     # only for users' clouds
+    "z2p_core.placement.placed_camera": "cameras of users; stages draw with the usual one",
+    "z2p_core.pinhole": "cameras of users; stages draw with the usual one",
     "z2p_core.placement.viewpoint": "places users' clouds; the pipeline's views are drawn at random",
     "z2p_core.up_axis.axis_names": "parses what users write; the rotations of the axes are listed",
 }
@@ -231,6 +237,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "shapes": ("numpy", "bpy"),
     "sample": ("numpy", "trimesh"),
     "render": ("numpy", "trimesh", "bpy"),
+    "textured_render": ("numpy", "trimesh", "bpy"),
     "shard": ("numpy", "h5py"),
     "train": ("numpy", "torch", "onnx", "onnxruntime"),
     "evaluate": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),

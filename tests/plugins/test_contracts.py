@@ -19,6 +19,7 @@ from z2p_core import registry
 from z2p_core.interfaces import Reader, TrainedNetwork
 from z2p_core.testing import (
     check_baseline,
+    check_condition,
     check_control,
     check_encoder,
     check_engine,
@@ -166,6 +167,11 @@ def test_engine(name: str, kind: str, exported: Callable[[str], TrainedNetwork])
 @pytest.mark.parametrize("name", registry.names("samplers"))
 def test_sampler(name: str) -> None:
     check_sampler(registry.load("samplers", name))
+
+
+@pytest.mark.parametrize("name", registry.names("conditions"))
+def test_conditions(name):
+    check_condition(registry.load("conditions", name))
 
 
 @pytest.mark.parametrize("name", registry.names("textures"))

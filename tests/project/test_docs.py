@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
 import re
 import shutil
@@ -24,10 +25,14 @@ EXTERNAL_PLUGIN_PAGES = ("writing-a-control.md", "writing-a-plugin.md")
 other."""
 CODE_FOLDERS = ("benchmarks", "configs", "docs", "examples", "pipeline", "plugins", "scripts", "shims", "storage",
                 "tests", "workflows", "z2p_core", "z2p_renderer")  # fmt: skip
-EXAMPLE_FILES = {"mine_zbuffer.py", "mine_reader.py", "test_mine.py", "mine.toml", "z2p_core/native/TOPIC.py"}
+EXAMPLE_FILES = {"mine_zbuffer.py", "mine_condition.py", "mine_reader.py", "test_mine.py", "mine.toml", "table.toml",
+                 "z2p_core/native/TOPIC.py"}  # fmt: skip
 EXAMPLE_FOLDERS = {"z2p_core/native/c/TOPIC/"}
 """Files and folders that a page names for the reader to make."""
-RUN = re.compile(r"(cat \S+ \| )?z2p (render|run-inference|animate|rerender|info|formats|plugins|report|completion) ")
+RUN = re.compile(
+    r"(cat \S+ \| )?"
+    r"z2p (render|run-inference|animate|film|figure|rerender|info|formats|plugins|report|completion) "
+)
 """Commands that are run; those of whole pipelines have tests of their own, and only their options are checked here."""
 
 
@@ -84,10 +89,34 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     for number in range(2):
         PointCloud.from_xyz_points((cloud + number / 2).astype("f4")).save(tmp_path / "frames" / f"{number}.pcd")
+    write_cameras(tmp_path)
+    (tmp_path / "run").mkdir()
+    for number, share in ((1, 0.0), (2, 0.5), (10, 1.0)):
+        ball = cloud / np.linalg.norm(cloud, axis=1, keepdims=True)
+        np.save(tmp_path / "run" / f"step_{number}.npy", (1 - share) * cloud + share * ball)
+    for kind in ("csv", "toml"):
+        (table,) = blocks(ROOT / "docs" / "figures.md", kind)
+        (tmp_path / f"table.{kind}").write_text(table)
     weights = ROOT / "storage" / "weights" / "regular.safetensors"
     shutil.copy(weights, tmp_path / "runs" / "NAME" / "weights.safetensors")
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+def write_cameras(folder: Path) -> None:
+    """A transforms.json and a COLMAP model of two cameras before bunny.ply."""
+    pose = np.eye(4)
+    frames = []
+    for name, x in (("left.jpg", -0.5), ("right.jpg", 0.5)):
+        pose[:3, 3] = (x, 0.3, 4)
+        frames.append({"file_path": name, "transform_matrix": pose.tolist()})
+    lens = {"w": 400, "h": 300, "fl_x": 400, "fl_y": 400, "cx": 200, "cy": 150}
+    (folder / "transforms.json").write_text(json.dumps({**lens, "frames": frames}))
+    (folder / "sparse").mkdir()
+    (folder / "sparse" / "cameras.txt").write_text("1 PINHOLE 400 300 400 400 200 150\n")
+    (folder / "sparse" / "images.txt").write_text(
+        "1 0 1 0 0 0.5 0.3 4 1 left.jpg\n\n2 0 1 0 0 -0.5 0.3 4 1 right.jpg\n\n"
+    )
 
 
 def test_pages_contain_commands() -> None:
@@ -135,7 +164,8 @@ def test_the_plugins_of_the_page_keep_their_contracts(tmp_path: Path) -> None:
     """Its blocks are files; installed, as their entry points say, the registry and a config find what is in them."""
     page = (ROOT / "docs" / "writing-a-plugin.md").read_text()
     files = dict(re.findall(r"^`([a-z_.]+)`:\n\n```\w+\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL))
-    assert set(files) == {"mine_zbuffer.py", "mine_reader.py", "pyproject.toml", "test_mine.py", "mine.toml"}
+    assert set(files) == {"mine_zbuffer.py", "mine_reader.py", "mine_condition.py", "pyproject.toml", "test_mine.py",
+                          "mine.toml"}  # fmt: skip
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     project = tomllib.loads(files["pyproject.toml"])
@@ -145,7 +175,7 @@ def test_the_plugins_of_the_page_keep_their_contracts(tmp_path: Path) -> None:
     lines = [f"[{group}]\n" + "".join(f"{name} = {target}\n" for name, target in entries.items())
              for group, entries in project["project"]["entry-points"].items()]  # fmt: skip
     (metadata / "entry_points.txt").write_text("\n".join(lines))
-    assert project["tool"]["setuptools"]["py-modules"] == ["mine_zbuffer", "mine_reader"]
+    assert project["tool"]["setuptools"]["py-modules"] == ["mine_zbuffer", "mine_condition", "mine_reader"]
     use = """
 from pathlib import Path
 import numpy as np
@@ -192,6 +222,19 @@ def test_the_python_page_runs(desk: Path) -> None:
         for block in blocks(ROOT / "docs" / "python.md", "python"):
             exec(block, names)
     assert (desk / "points.png").stat().st_size > 1000 and (desk / "sheet.png").exists()
+
+
+def test_the_python_of_the_page_on_cameras_runs(desk: Path) -> None:
+    names: dict[str, object] = {}
+    for block in blocks(ROOT / "docs" / "cameras.md", "python"):
+        exec(block, names)
+    assert (desk / "posed_depth.npy").is_file() and (desk / "posed_camera.json").is_file()
+
+
+def test_the_python_of_the_page_on_films_runs(desk: Path) -> None:
+    (block,) = blocks(ROOT / "docs" / "films.md", "python")
+    exec(block, {})
+    assert all((desk / name).stat().st_size > 500 for name in ("ball.webp", "ball-run.webp", "balls.gif"))
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "ARCHITECTURE.md"], ids=stem)

@@ -62,6 +62,8 @@ EFFECTS = {
     "render.upright": (1.0, RENDERS | SHARDS | AFTER_SHARDS),
     "render.passes": (("depth",), RENDERS | SHARDS | AFTER_SHARDS),
     "render.seed": (1, RENDERS | SHARDS | AFTER_SHARDS),
+    "render.textures": (("stripes",), RENDERS | SHARDS | AFTER_SHARDS),
+    "render.textured_share": (0.5, RENDERS | SHARDS | AFTER_SHARDS),
     "shard.resolution": (64, SHARDS | AFTER_SHARDS),
     "train.network.kind": ("adain_unet", AFTER_SHARDS),
     "train.network.widths": ((32, 32), AFTER_SHARDS),
@@ -73,6 +75,7 @@ EFFECTS = {
     "train.network.zbuffer": ("paper", AFTER_SHARDS),
     "train.network.gbuffer": ("none", AFTER_SHARDS),
     "train.network.encoder": ("fourier", AFTER_SHARDS),
+    "train.network.conditions": (("albedo",), AFTER_SHARDS),
     "train.loss.color_l2": (1.0, AFTER_SHARDS),
     "train.loss.magnitude_l1": (1.0, AFTER_SHARDS),
     "train.loss.alpha_l1": (0.7, AFTER_SHARDS),
@@ -123,6 +126,8 @@ EFFECTS = {
 
 def before(config, path):
     """The config in which the value at a dotted path may be replaced by the one in `EFFECTS`."""
+    if path in ("render.textured_share", "train.network.conditions"):
+        return edited(config, "render.textures", ("spots",))
     return edited(config, "train.network.unshuffle", 1) if path == "train.network.kind" else config
 
 
@@ -150,6 +155,9 @@ def test_no_textures_leave_no_trace_in_the_fingerprint(config):
     plain, colored = (make_plan(edited(config, "evaluate.textures", value)) for value in ((), ("stripes",)))
     assert "textures" not in plain.steps["evaluate"].entry.fields["parameters"]
     assert colored.steps["evaluate"].entry.fields["parameters"]["textures"][0]["name"] == "stripes"
+    renders = make_plan(config).steps["render/ape/0-10"].entry
+    assert renders.stage == "render" and not {"textures", "textured_share"} & set(renders.fields["parameters"])
+    assert "conditions" not in make_plan(config).steps["train"].entry.fields["parameters"]["network"]
 
 
 def test_another_engine_of_the_teacher_trains_again(config, monkeypatch):

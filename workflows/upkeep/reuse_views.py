@@ -19,7 +19,7 @@ def copy_existing_views(store: Store, entry: Entry, views: Iterable[int], out: P
     """
     wanted = _range_free_fingerprint(entry.fields)
     stems = [f"view_{index:05d}" for index in views]
-    for folder, manifest in store.iter_all_manifests("render"):
+    for folder, manifest in store.iter_all_manifests(entry.stage):
         if _range_free_fingerprint(manifest["fields"]) != wanted:
             continue
         for stem in stems:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
@@ -13,8 +13,10 @@ import numpy as np
 
 from z2p_core.coloring.options import ColorOptions
 from z2p_core.errors.install_advice import install_advice
+from z2p_core.style import Style
 
 if TYPE_CHECKING:
+    from z2p_core.pinhole import AnyCamera, PinholeCamera
     from z2p_core.placement.viewpoint import Viewpoint
 
 GROUP = "z2p.studio"
@@ -28,7 +30,7 @@ class RenderRequest:
     up: str = "+Z"
     view: str | float | tuple[float, float] = "auto"
     azimuth: float = 0.0
-    camera: Viewpoint | Mapping[str, Any] | str | Path | None = None
+    camera: Viewpoint | AnyCamera | Mapping[str, Any] | str | Path | None = None
     controls: Mapping[str, Any] = field(default_factory=dict)
     """Control name -> text, number or numbers; None counts as not given."""
     size: tuple[int, int] = (512, 512)
@@ -51,6 +53,32 @@ class RenderRequest:
     """Of each cloud, what numbers its own colors were; empty where it is not known."""
     color_options: ColorOptions = field(default_factory=ColorOptions)
     """What the points are colored by."""
+    style: Style = field(default_factory=Style)
+    """How they are shown."""
+    has_size: bool = False
+    """Whether the caller chose the size."""
+    passes: tuple[str, ...] = ()
+    """What else is drawn: `z2p_core.pass_names.PASSES`."""
+    cloud_colors: Sequence[Any] = ()
+    """Value of the control ``color`` for each cloud, as text or numbers; empty for one that all share."""
+
+
+@dataclass(frozen=True)
+class FilmRequest:
+    """What the user asks of a film, in the words and numbers of `z2p_core.animate`, checked."""
+
+    arrange: str = "series"
+    frames: int = 48
+    fps: float = 24.0
+    motion: str = "turn"
+    hold: int = 1
+    blend: int = 0
+    blend_by: str = "auto"
+    turns: float = 0.0
+    closes: bool = False
+    reference: int = 0
+    on_frame: Callable[[int, int], None] | None = None
+    """Called with the number of frames done, and of all."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +91,8 @@ class RenderedImage:
     """All that made it, JSON-able."""
     notes: tuple[str, ...] = ()
     """What was left out or guessed, in words."""
+    passes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """The passes that the request asks for."""
 
 
 class Backend(Protocol):
@@ -73,6 +103,19 @@ class Backend(Protocol):
 
     def render_file(self, path: Path, request: RenderRequest) -> list[RenderedImage]:
         """An image of each cloud in a file."""
+
+    def read_cameras(self, path: Path) -> list[PinholeCamera]:
+        """The cameras in the data's units of a file."""
+
+    def save_passes(
+        self, passes: Mapping[str, np.ndarray], camera: PinholeCamera, picture: Path, format: str
+    ) -> list[Path]:
+        """Write passes and their camera beside a picture; the paths of the files."""
+
+    def animate(
+        self, clouds: Sequence[np.ndarray] | Sequence[Path], request: RenderRequest, film: FilmRequest, path: Path
+    ) -> list[str]:
+        """Writes a film of clouds (N, 3) float64, or of those in files; what was left out or guessed, in words."""
 
     def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:
         """Write an image (H, W, 4) uint8 with its record, in the format of the path's suffix."""

@@ -14,6 +14,8 @@ import numpy as np
 from z2p_core.api.backend import load_backend
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import SettingError
+from z2p_core.pinhole import PinholeCamera, camera_from_json
+from z2p_core.placement.usual_camera import usual_pinhole
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 
 
@@ -29,11 +31,26 @@ class Picture:
     """What was left out or guessed, in words."""
     parts: tuple[Picture, ...] = field(default=(), repr=False)
     """The pictures of a batch; empty for one picture."""
+    passes: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
+    """What else was asked for, by name: ``picture.passes["depth"]``; of a batch, each picture has its own."""
 
     @property
-    def camera(self) -> Viewpoint:
+    def camera(self) -> Viewpoint | PinholeCamera:
         """Its camera, for `render(others, camera=...)`; for a batch, that of the first picture."""
+        pinhole = self[0].record.get("pinhole")
+        if pinhole is not None:
+            return camera_from_json(pinhole)
         return viewpoint_from_json(self[0].record["camera"])
+
+    @property
+    def pinhole(self) -> PinholeCamera:
+        """Its camera with K, R and t in the data's units; not of a trimmed picture, nor one with a colour bar."""
+        record = self[0].record
+        if "pinhole" in record:
+            return camera_from_json(record["pinhole"])
+        viewpoint, (width, height) = viewpoint_from_json(record["camera"]), record["resolution"]
+        elevation = record["controls"].get("elevation", [viewpoint.elevation])[0]
+        return usual_pinhole(viewpoint, width, height, elevation)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """The path, once the picture is written there: PNG, WebP, JPEG or TIFF by its suffix, the record inside.
@@ -47,6 +64,21 @@ class Picture:
                                "others: PIL.Image.fromarray(picture.array).save(...)")
         load_backend().save_image(self.array, self.record, Path(path))
         return Path(path)
+
+    def save_passes(self, path: str | os.PathLike[str], format: str = "npy") -> list[Path]:
+        """The files of its passes, once these and their camera are written beside a picture of that path.
+
+        Args:
+            path: ``fig.png`` gives ``fig_depth.npy`` and so on, and ``fig_camera.json``.
+            format: ``npy``, ``png`` with 16 bits, or ``exr``, which needs the extra of that name.
+
+        Raises:
+            SettingError: it has no passes, or the format cannot be written.
+            OSError: a file cannot be written.
+        """
+        if not self.passes:
+            raise SettingError("expected a picture with passes, got none; ask for them: render(points, passes='all')")
+        return load_backend().save_passes(self.passes, self.pinhole, Path(path), format)
 
     def on(self, background: str | Sequence[float]) -> Picture:
         """The same picture over a background: a CSS name, #hex or three numbers in [0, 1]; alpha is 255 throughout.

@@ -38,8 +38,11 @@ from z2p_core.coloring.options import (
 )
 from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.pass_names import parse_passes
+from z2p_core.pinhole import AnyCamera
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SIDE_LIMITS
+from z2p_core.style import GIVEN_RADII, Style, parse_style
 
 DEFAULT_SIDE = 512
 """Width and height of a picture in pixels, unless the caller names a size."""
@@ -64,7 +67,7 @@ def render(
     up: str | None = None,
     view: str | float | tuple[float, float] = "auto",
     azimuth: float = 0.0,
-    camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None,
+    camera: Viewpoint | AnyCamera | Picture | Mapping[str, Any] | str | Path | None = None,
     size: int | tuple[int, int] | None = None,
     resolution: int | tuple[int, int] | None = None,
     background: str | Sequence[float] | None = None,
@@ -80,6 +83,9 @@ def render(
     color_bar: bool = False,
     classes: int | Sequence[int] | None = None,
     relight: float | None = None,
+    style: str = "surface",
+    radius: Any = None,
+    passes: str | Sequence[str] | None = None,
     **controls: ControlValue,
 ) -> Picture:
     """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
@@ -104,7 +110,9 @@ def render(
             azimuth, or (azimuth, elevation).
         azimuth: degrees that the object is turned by on top of that.
         camera: another picture or its `picture.camera`, or a file that --save-camera wrote; the object keeps its true
-            size and place before it. Replaces `up` and `view`.
+            size and place before it. Replaces `up` and `view`. Or a camera in the data's units: `pinhole_camera(K, R,
+            t, size)`, `look_at(eye, target)`, a mapping or JSON file with K, R, t, width and height; its picture fits
+            into `size` where one is given.
         size, resolution: the picture's size in pixels, one number or (width, height), 32 to 4096; two names for the
             same argument. None: 512.
         background: None for transparent, or a CSS name, ``#hex`` or sRGB triple in [0, 1].
@@ -124,10 +132,17 @@ def render(
         classes: keep only the points with these labels, of `colors`, or of a field such as ``classification``.
         relight: how much of the studio's light falls on the points' colors: 1 (all) to 0 (they stay as they are, with
             the shadow on the floor). None: 1.
+        style: ``surface`` (the surface that the points lie on), ``balls`` (a lit ball at each point, without any
+            network) or ``discs`` (a lit disc in each point's tangent plane, clipped to join its neighbors).
+        radius: of balls, in the data's units: a number, one for each point (N,), (B, N) or a list of (N,), or the name
+            of a field of the object or file; or a share of the object's bounding sphere, as in ``"2%"``. None: half
+            the points' spacing.
+        passes: what else is drawn into `picture.passes`: some of ``depth``, ``normal``, ``albedo``, ``alpha``,
+            ``position`` and ``trust``, or ``all``; see `z2p_core.pass_names`.
         **controls: the value of a control, by its name: text as on the command line, a number, or numbers. Every
             installed control has a keyword, those of other packages too; None stands for its default. Built in are
 
-            - color: CSS name, ``#hex`` or sRGB triple in [0, 1].
+            - color: CSS name, ``#hex`` or sRGB triple in [0, 1]; for a batch also a list of these, one for each cloud.
             - light: distance 3 to 4.5, azimuth -90 to 90 (0 behind the camera, positive to the right), elevation 25
               to 75.
             - elevation: the camera's, 0 to 80 degrees above the horizon.
@@ -139,29 +154,61 @@ def render(
         UnknownArgument: a keyword is neither an argument nor an installed control (a TypeError and a SettingError).
         WeightsError: there are no such weights (a ValueError).
     """
-    _check_names(controls)
-    if up is None:
-        up = "auto" if isinstance(points, str | Path) else "+Z"
-    if isinstance(camera, Picture):
-        camera = camera.camera
-    request = RenderRequest(
-        up, view, azimuth, camera, controls, chosen_size(size, resolution), background, _factor(supersample),
-        _tight(fit), _switch("keep_outliers", keep_outliers), _percent(cut_top), smooth, margin, _weights(weights),
-        color_options=ColorOptions(
-            _field_name(colors), cmap, parse_limits(clim), parse_classes(classes), parse_relight(relight),
-            _switch("color_bar", color_bar),
-        ),
-    )  # fmt: skip
-    images, notes, is_batch = _render_images(points, colors, request)
+    settings = {name: value for name, value in locals().items() if name not in ("points", "colors")}
+    request = build_request(points, colors, settings)
+    images, notes, is_batch = _render_images(points, colors, request, radius)
     for note in dict.fromkeys([*notes, *(note for image in images for note in image.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)
     if not images:
         raise ScanError("expected clouds, got an empty batch")
-    pictures = tuple(Picture(image.array, image.record, image.notes) for image in images)
+    pictures = tuple(Picture(image.array, image.record, image.notes, passes=image.passes) for image in images)
     if not is_batch and len(pictures) == 1:
         return pictures[0]
     record = {**pictures[0].record, "batch": len(pictures)}
     return Picture(tile_images([picture.array for picture in pictures]), record, parts=pictures)
+
+
+def build_request(points: Any, colors: Any, settings: Mapping[str, Any]) -> RenderRequest:
+    """The request that the keywords of `render` stand for; `settings` has all of them, and ``controls``.
+
+    Controls may also be among the other keywords.
+
+    Raises:
+        SettingError: one is invalid, or unknown.
+    """
+    given = dict(settings)
+    controls = {**given.pop("controls", {}), **{name: given.pop(name) for name in registry.names("controls")
+                                                if name in given}}  # fmt: skip
+    check_names(controls)
+    up, camera = given["up"], given["camera"]
+    if up is None:
+        up = "auto" if isinstance(points, str | Path) else "+Z"
+    if isinstance(camera, Picture):
+        camera = camera.camera
+    cloud_colors = _cloud_colors(controls.get("color"))
+    if cloud_colors:
+        controls["color"] = None
+    style = _style(given["style"], given["radius"])
+    return RenderRequest(
+        up, given["view"], given["azimuth"], camera, controls, chosen_size(given["size"], given["resolution"]),
+        given["background"], _factor(given["supersample"]), _tight(given["fit"]),
+        _switch("keep_outliers", given["keep_outliers"]), _percent(given["cut_top"]), given["smooth"], given["margin"],
+        _weights(given["weights"]),
+        color_options=ColorOptions(
+            _field_name(colors), given["cmap"], parse_limits(given["clim"]), parse_classes(given["classes"]),
+            parse_relight(given["relight"]), _switch("color_bar", given["color_bar"]), other_fields=style.wanted_fields,
+        ),
+        style=style, has_size=given["size"] is not None or given["resolution"] is not None,
+        passes=parse_passes(given["passes"]), cloud_colors=cloud_colors,
+    )  # fmt: skip
+
+
+def _cloud_colors(color: Any) -> tuple[Any, ...]:
+    """The colors of a batch's clouds, if `color` is a list of colors (texts or triples) rather than one; else none."""
+    if not isinstance(color, list | tuple) and not (isinstance(color, np.ndarray) and color.ndim == 2):
+        return ()
+    members = list(color)
+    return () if all(isinstance(one, Real) for one in members) else tuple(members)
 
 
 def _signature_with_controls() -> inspect.Signature:
@@ -177,27 +224,49 @@ render.__signature__ = _signature_with_controls()  # type: ignore[attr-defined]
 
 
 def _render_images(
-    points: Any, colors: Any, request: RenderRequest
+    points: Any, colors: Any, request: RenderRequest, radii: Any
 ) -> tuple[list[RenderedImage], list[str], bool]:
     """An image of each cloud, what to warn of beside their own notes, and whether `points` is a batch."""
-    given_colors = None if isinstance(colors, str) else colors
     if isinstance(points, str | Path):
-        request, notes = (request, []) if given_colors is None else _with_mean_color(request, given_colors)
-        return load_backend().render_file(Path(points), request), notes, False
-    given, notes = point_arrays(points), []
+        if request.style.radius_field == GIVEN_RADII:
+            raise SettingError("expected the name of one of the file's fields as radius, got an array: its numbers "
+                               "cannot be matched to the file's points; read the points first")
+        is_named = colors is None or isinstance(colors, str)
+        request, told = (request, list[str]()) if is_named else _with_mean_color(request, colors)
+        return load_backend().render_file(Path(points), request), told, False
+    clouds, request, notes, is_batch = prepare_clouds(points, colors, request, radii)
+    return load_backend().render_arrays(clouds, request), notes, is_batch
+
+
+def prepare_clouds(
+    points: Any, colors: Any, request: RenderRequest, radii: Any = None
+) -> tuple[list[np.ndarray], RenderRequest, list[str], bool]:
+    """Clouds (N, 3) float64, the request with their fields and colors, what to warn of, and whether it is a batch.
+
+    Raises:
+        ScanError: the points are no cloud.
+        SettingError: the colors are none, or not one for each point or cloud.
+    """
+    given_colors = None if isinstance(colors, str) else colors
+    given, notes = point_arrays(points), list[str]()
     request = replace(
         request, fields=given.fields, class_names=given.class_names, color_kinds=given.color_kinds
     )  # fmt: skip
     notes += given.notes if colors is None else ()
+    if request.style.radius_field == GIVEN_RADII:
+        request = _with_radii(request, radii, given.clouds)
     if given_colors is not None:
-        if request.controls.get("color") is None:
+        if request.controls.get("color") is None and not request.cloud_colors:
             request = _with_colors(request, given_colors, given.clouds)
         else:
             notes.append("colors= are left out: the whole object has the colour given")
     elif given.unused_columns and colors is None and not any("rgb" in fields for fields in given.fields):
         notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): colours of points are drawn if "
                      "they are given as colors=, normals are not needed")  # fmt: skip
-    return load_backend().render_arrays(given.clouds, request), notes, given.batched
+    if request.cloud_colors and len(request.cloud_colors) != len(given.clouds):
+        raise SettingError(f"expected one color, or a list of one for each of {len(given.clouds)} clouds, got a list "
+                           f"of {len(request.cloud_colors)}")
+    return given.clouds, request, notes, given.batched
 
 
 def _with_colors(request: RenderRequest, colors: Any, clouds: Sequence[np.ndarray]) -> RenderRequest:
@@ -215,6 +284,28 @@ def _with_colors(request: RenderRequest, colors: Any, clouds: Sequence[np.ndarra
     return replace(request, fields=fields, color_kinds=(), color_options=replace(request.color_options, by=by))
 
 
+def _with_radii(request: RenderRequest, radii: Any, clouds: Sequence[np.ndarray]) -> RenderRequest:
+    """The request with the radii (N,) of each cloud that a caller gives.
+
+    Raises:
+        SettingError: they are not one number for each point.
+    """
+    try:
+        parts = split_scalars(radii, clouds)
+    except SettingError as error:
+        raise SettingError(str(error).replace("colors", "radii")) from None
+    others = request.fields or [{} for _ in clouds]
+    fields = tuple(ChainMap({GIVEN_RADII: part}, other)  # type: ignore[arg-type]  # it is only read
+                   for other, part in zip(others, parts, strict=True))  # fmt: skip
+    return replace(request, fields=fields)
+
+
+def _style(style: Any, radius: Any) -> Style:
+    """The style and the radius of its balls, of which there may be one for each point."""
+    is_array = radius is not None and not isinstance(radius, str) and np.ndim(radius) > 0
+    return parse_style(style, GIVEN_RADII if is_array else radius)
+
+
 def _field_name(colors: Any) -> str:
     """What points are colored by, if it is named: a field, or one of auto, rgb and none."""
     if not isinstance(colors, str):
@@ -223,7 +314,7 @@ def _field_name(colors: Any) -> str:
     return by.lower() if by.lower() in (AUTO, RGB, NONE) else by
 
 
-def _check_names(controls: Collection[str]) -> None:
+def check_names(controls: Collection[str]) -> None:
     """
     Raises:
         UnknownArgument: a name is neither an argument of `render` nor an installed control.

@@ -42,11 +42,15 @@ class ColorOptions:
     is_categorical: bool | None = None
     """Whether a field's values are labels, as a series decided it for all of its clouds; None: by each cloud."""
 
+    other_fields: tuple[str, ...] = ()
+    """Names of fields that must be read for other things than colors."""
+
     @property
     def wanted_fields(self) -> tuple[str, ...]:
         """Names of the fields that must be read."""
         kept_by = CLASS_FIELDS if self.classes else ()
-        return (*((RGB,) if self.by in (AUTO, RGB) else () if self.by == NONE else (self.by,)), *kept_by)
+        own = (RGB,) if self.by in (AUTO, RGB) else () if self.by == NONE else (self.by,)
+        return (*own, *kept_by, *self.other_fields)
 
     @property
     def needs_common_scale(self) -> bool:

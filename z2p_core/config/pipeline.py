@@ -55,6 +55,10 @@ class RenderConfig:
     passes: tuple[str, ...] = ()
     """Extra passes to keep: any of ``depth``, ``normal``, ``shadow``."""
     seed: int = 0
+    textures: tuple[str, ...] = ()
+    """Textures of which a random one gives a view's mesh its colors; none leaves all in the color of the controls."""
+    textured_share: float = 0.7
+    """Share of the views with a texture, where there are textures."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,9 @@ class NetworkConfig:
     """Features of the lit scene beside the z-buffer; ``none`` leaves light to the settings vector alone (the paper)."""
     encoder: str = "none"
     """``fourier`` encodes each pixel's position (paper section 3.3); unnecessary with a G-buffer."""
+    conditions: tuple[str, ...] = ()
+    """Pictures of a cloud's own colors that the network reads after the G-buffer, such as ``albedo``; none leaves
+    these colors to demodulation alone."""
 
     @property
     def stride(self) -> int:
@@ -123,7 +130,7 @@ class TrainConfig:
     loss: LossConfig = field(default_factory=LossConfig)
     start: str = ""
     """Weights to fine-tune, a shipped name or a file; empty starts from random weights. They must have the same
-    `network`, but may lack the last controls, and may have the G-buffer that this one refines."""
+    `network`, but may lack the last controls and conditions, and may have the G-buffer that this one refines."""
     teacher: str = ""
     """Weights to distil, a shipped name or a file; empty for none. They draw each cloud at the shards' resolution (with
     `mirror` also mirrored, and the mean is taken), downsampled to the training side if that is smaller."""

@@ -73,6 +73,8 @@ RENDER: dict[str, Limit | DataclassFields] = {
     "upright": Number(0, 1),
     "passes": ListOf(Choice(RENDER_PASSES), 0, len(RENDER_PASSES), distinct=True),
     "seed": SEED_LIMIT,
+    "textures": ListOf(Plugin(("textures",)), 0, 100, distinct=True),
+    "textured_share": Number(0, 1),
 }
 SHARD: dict[str, Limit | DataclassFields] = {"resolution": SIDE_LIMIT}
 NETWORK: dict[str, Limit | DataclassFields] = {
@@ -81,6 +83,7 @@ NETWORK: dict[str, Limit | DataclassFields] = {
     "zbuffer": Plugin(("zbuffers",)),
     "gbuffer": Plugin(("gbuffers",)),
     "encoder": Plugin(("encoders",)),
+    "conditions": ListOf(Plugin(("conditions",)), 0, 100, distinct=True),
 }
 LOSS: dict[str, Limit | DataclassFields] = {
     **dict.fromkeys(
@@ -155,6 +158,10 @@ def check_values(config: PipelineConfig) -> None:
             f"shard.resolution: expected a divisor of render.resolution ({config.render.resolution}), "
             f"got {config.shard.resolution}"
         )
+    if config.render.textures and "color" not in config.render.controls:
+        raise ConfigError("render.textures: expected color among render.controls, which textures take the place of, "
+                          f"got {', '.join(config.render.controls)}")
+    _check_textures_can_be_drawn(config)
     if fault := training_fault(config.train, config.shard.resolution):
         raise ConfigError(f"train.{fault}")
     terms = [name for name in LOSS if name not in ("foreground", "masked")]
@@ -162,6 +169,24 @@ def check_values(config: PipelineConfig) -> None:
         raise ConfigError(f"train.loss: expected a weight above 0 for one of {', '.join(terms)}")
     if fault := network_config_fault(config.train.network):
         raise ConfigError(f"train.network.{fault}")
+
+
+def _check_textures_can_be_drawn(config: PipelineConfig) -> None:
+    """
+    Raises:
+        ConfigError: textures or conditions with a G-buffer that draws no textures, or conditions without textures.
+        PluginError: the G-buffer fails to load.
+    """
+    network = config.train.network
+    if network.conditions and not config.render.textures:
+        raise ConfigError("train.network.conditions: expected textures in render.textures, from which the network "
+                          f"learns what {', '.join(network.conditions)} shows, got none")
+    if config.render.textures and config.train.teacher:
+        raise ConfigError("train.teacher: expected none with render.textures, which teachers do not draw, got "
+                          f"{config.train.teacher!r}")
+    if config.render.textures and not registry.load("gbuffers", network.gbuffer).draws_textures:
+        raise ConfigError("train.network.gbuffer: expected one that draws textures, for render.textures names some, "
+                          f"got {network.gbuffer!r}")
 
 
 def check_limits(config: Any, limits: dict[str, Limit | DataclassFields], prefix: str = "") -> None:

@@ -42,7 +42,12 @@ class RasterSettings(ctypes.Structure):
         ("height", ctypes.c_int),
         ("first_row", ctypes.c_int),
         ("last_row", ctypes.c_int),
-        ("focal", ctypes.c_float),
+        ("orthographic", ctypes.c_int),
+        ("focal_x", ctypes.c_float),
+        ("focal_y", ctypes.c_float),
+        ("center_x", ctypes.c_float),
+        ("center_y", ctypes.c_float),
+        ("near_plane", ctypes.c_float),
         ("blend_depth_radii", ctypes.c_float),
         ("coverage_gain", ctypes.c_float),
         ("full_weight", ctypes.c_float),
@@ -249,7 +254,7 @@ def rasterize_surfels(
     Args:
         discs: M discs.
         features: (M, 6), averaged over the discs that a sample shows.
-        camera: gives size and focal length of the image.
+        camera: gives size, focal lengths and principal point of the image.
         blending: what the weights mean.
         depth_range: the depths that are drawn as 1 and as 0, world units.
         out: C-contiguous.
@@ -263,8 +268,8 @@ def rasterize_surfels(
     """
     first, last = rows or (0, camera.height)
     settings = RasterSettings(
-        camera.width, camera.height, first, last, camera.focal, blending.blend_depth_radii, blending.coverage_gain,
-        blending.full_weight, *depth_range,
+        camera.width, camera.height, first, last, camera.orthographic, *camera.focal_lengths, *camera.principal_point,
+        camera.near_plane, blending.blend_depth_radii, blending.coverage_gain, blending.full_weight, *depth_range,
     )  # fmt: skip
     size = (camera.height, camera.width)
     texture_values = colors = None

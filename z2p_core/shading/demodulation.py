@@ -26,6 +26,20 @@ def apply_relative_radiance(image: np.ndarray, relative: np.ndarray, coverage: n
     native.multiply_linear(image, relative, coverage, FULL_COVERAGE)
 
 
+def radiance_factors(relative: np.ndarray) -> np.ndarray:
+    """Factors (3, H, W) float32 by which `apply_relative_radiance` multiplies an image, for training through it.
+
+    `relative` (4, H, W) float32 has the relative radiance and the coverage, as `GBuffer.draw_textured_into` returns.
+    """
+    colors, coverage = relative[:3], relative[3]
+    height, width = coverage.shape
+    coarse = native.extend_halved(colors, coverage, 1 / FULL_COVERAGE)
+    wide = coarse.repeat(2, axis=1).repeat(2, axis=2)[:, :height, :width]
+    share = np.clip(coverage / FULL_COVERAGE, 0, 1)
+    factors: np.ndarray = wide + share * (colors - wide)
+    return factors
+
+
 def reduce_light(image: np.ndarray, color: np.ndarray, coverage: np.ndarray, share: float) -> None:
     """Blend the surface in an image (4, H, W), premultiplied sRGB and alpha, with one color in linear light, in place.
 

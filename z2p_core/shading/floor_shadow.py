@@ -8,7 +8,9 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import Camera
+from z2p_core.placement.placed_camera import PlacedCamera
 from z2p_core.shading.floor_occlusion import FLOOR_HALF_WIDTH, FloorOcclusion, eroded_share
+from z2p_core.shading.general_floor_shadow import draw_general_floor_shadow
 from z2p_core.shading.light_transport import IRRADIANCE_CELLS, BouncedLight, LightScene
 from z2p_core.shading.microfacet import specular_directions
 
@@ -29,11 +31,17 @@ def draw_floor_shadow(
     `cloud_radiance_from_floor`, replaces the sky's. `mirror_directions` sample the floor's specular lobe.
     """
     height = scene.floor.height
+    if camera.position[2] <= height:  # from below, the floor hides nothing and shows nothing
+        out.fill(0)
+        return
     cells = len(occlusion.light) // 2  # coarser ones will do for what is mirrored
     viewpoints = mirrored_viewpoints(camera.position, height, mirror_directions)
     eroded = eroded_share(scene.spacing, cells)
     mirrored = native.floor_occlusion(scene.points, viewpoints, height, FLOOR_HALF_WIDTH, cells, eroded)
-    native.floor_shadow(*occlusion, mirrored, cloud_radiance, scene.floor, camera, out)
+    if isinstance(camera, PlacedCamera):
+        draw_general_floor_shadow(*occlusion, mirrored, cloud_radiance, scene.floor, camera, out)
+    else:
+        native.floor_shadow(*occlusion, mirrored, cloud_radiance, scene.floor, camera, out)
 
 
 def cloud_radiance_from_floor(

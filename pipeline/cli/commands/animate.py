@@ -14,10 +14,17 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import ExitStatus, is_debugging
+from z2p_renderer.pipeline.cli.options.cameras import read_own_cameras
 from z2p_renderer.pipeline.cli.options.coloring import color_options, color_options_from
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
-from z2p_renderer.pipeline.cli.options.param_types import FileFormat, FiniteRange, OutputPath, is_output_folder
+from z2p_renderer.pipeline.cli.options.param_types import (
+    FileFormat,
+    FiniteRange,
+    OutputPath,
+    SheetGrid,
+    is_output_folder,
+)
 from z2p_renderer.pipeline.cli.options.pictures import (
     check_view_options,
     check_writable,
@@ -28,6 +35,7 @@ from z2p_renderer.pipeline.cli.options.pictures import (
 from z2p_renderer.pipeline.cli.progress import describe_points, note_if_opaque, scan_label
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
+    from z2p_core.pinhole import AnyCamera
     from z2p_renderer.pipeline.batch.tasks import Task
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
@@ -49,6 +57,8 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
               help="Frames per second; a GIF has at most 50.")
 @click.option("--steady", default=1, type=click.IntRange(1, 9), metavar="N",
               help="Number of pictures averaged into each frame: a little smoother, N times slower.")
+@click.option("--grid", type=SheetGrid(), metavar="4x3",
+              help="Make one film OUT, in which all clouds move side by side in so many columns and rows.")
 @picture_options
 @color_options
 @click.option("--overwrite", is_flag=True,
@@ -57,12 +67,13 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
 @click.option("--quiet", "-q", is_flag=True, help="Report failures only.")
 @click.pass_context
 def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: Any) -> None:
-    """Turn point clouds into loops: turntables, orbits and light sweeps.
+    """Turn point clouds into loops: turntables, orbits, light sweeps, and flights along a path of cameras.
 
     \b
     z2p animate bunny.ply -o bunny.webp
     z2p animate scans/ -o loops --format gif --background white --resolution 320
     z2p animate bunny.ply -o light.mp4 --motion light --frames 96
+    z2p animate bunny.ply -o flight.mp4 --cameras transforms.json
 
     Exit status: 0 all made or already there, 1 some files failed (the others are done), 2 wrong usage.
     """
@@ -78,6 +89,7 @@ def _run(
 ) -> bool:
     """Makes all loops; returns True if one failed."""
     columns = parse_columns(options)
+    options["own_cameras"] = read_own_cameras(ctx, options, always_sized=True)
     check_view_options(ctx, controls, options)
     colors = color_options_from(ctx, controls, options)
     scans = find_input_scans(ctx, inputs, options, columns is not None)
@@ -86,16 +98,25 @@ def _run(
     from z2p_renderer.pipeline.inference.render_scan import with_common_scale
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.pipeline.outputs.animation import Motion
+    from z2p_renderer.pipeline.outputs.camera_path import check_path
 
     renderer = load_renderer(options["weights"], controls, engine=options["engine"])
     look = look_from_options(renderer, controls, options, colors)
     if len(scans) > 1 and colors.needs_common_scale:
         look, _ = with_common_scale(renderer, scans_of(scans, columns, colors), look)
-    motion = Motion(options["motion"], options["frames"], options["steady"])
+    motion, cameras = Motion(options["motion"], options["frames"], options["steady"]), options["own_cameras"]
+    if cameras is not None:
+        check_path(cameras)
+        motion = Motion("path", len(cameras))
+    if options["grid"] is not None:
+        from z2p_renderer.pipeline.cli.animate_grid import write_grid
+
+        return write_grid(ctx, scans, output, renderer, look, motion, columns, options)
     has_failed = False
     for task in _plan(ctx, scans, inputs, output, options):
         try:
-            loop = _Loop(task, look.written_as(task.output.suffix.lower()), motion, options["fps"], columns)
+            loop = _Loop(task, look.written_as(task.output.suffix.lower()), motion, options["fps"], columns,
+                         tuple(cameras or ()))
             line = loop.make(renderer, options["overwrite"], options["quiet"])
         except Exception as error:  # the other files are made whatever one of them raises
             has_failed = True
@@ -141,6 +162,8 @@ class _Loop:
     motion: Motion
     fps: float
     columns: tuple[str, ...] | None
+    cameras: tuple[AnyCamera, ...] = ()
+    """A path of cameras, one a frame; empty for other motions."""
 
     def make(self, renderer: AnyRenderer, overwrite: bool, quiet: bool) -> str:
         """Writes the loop, unless one that fits is there already; returns the line to print.
@@ -172,6 +195,7 @@ class _Loop:
         from z2p_core.interfaces import ScanError
         from z2p_renderer.pipeline.inference.render_scan import build_record
         from z2p_renderer.pipeline.outputs.animation import draw_opening, render_frames
+        from z2p_renderer.pipeline.outputs.camera_path import render_path
         from z2p_renderer.storage.images.animations import write_animation
         from z2p_renderer.storage.scans.clouds import format_suffix
 
@@ -180,7 +204,10 @@ class _Loop:
             raise ScanError(f"holds {len(clouds)} clouds, a loop shows one; save it alone")
         [cloud] = clouds
         opening = draw_opening(renderer, cloud, suffix, self.look)
-        frames = render_frames(opening, cloud, suffix, self.look, self.motion)
+        if self.cameras:
+            frames = render_path(opening, cloud, suffix, self.look, self.cameras)
+        else:
+            frames = render_frames(opening, cloud, suffix, self.look, self.motion)
         if not quiet and sys.stderr.isatty():
             from tqdm import tqdm
 
@@ -218,4 +245,7 @@ class _Loop:
     @property
     def _motion_record(self) -> dict[str, Any]:
         """The motion, for the record."""
-        return {**asdict(self.motion), "fps": self.fps}
+        from z2p_renderer.pipeline.outputs.camera_path import path_digest
+
+        path = {"cameras": path_digest(self.cameras)} if self.cameras else {}
+        return {**asdict(self.motion), "fps": self.fps, **path}

@@ -100,7 +100,9 @@ def _record_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows += [(name, ", ".join(f"{number:g}" for number in value)) for name, value in record["controls"].items()]
     rows += [
         ("up", f"{stance['up']}: {stance['up_reason']}"),
-        ("view", f"azimuth {stance['azimuth']:g}, {stance['view_reason']}"),
+        ("view", stance["view_reason"] if "pinhole" in record else
+         f"azimuth {stance['azimuth']:g}, {stance['view_reason']}"),
+        *_pinhole_rows(record),
         ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
                    f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
         ("left out", f"outliers: {stance['outliers']}, points far behind: {stance['background']}"),
@@ -114,3 +116,17 @@ def _record_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("z2p", record["version"]),
     ]  # fmt: skip
     return rows
+
+
+def _pinhole_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What a record says of a camera in the data's units; nothing without one."""
+    from z2p_core.pinhole import camera_from_json
+
+    if "pinhole" not in record:
+        return []
+    camera = camera_from_json(record["pinhole"])
+    unit = "pixels a unit" if camera.orthographic else "pixels"
+    place = ", ".join(f"{number:.6g}" for number in camera.position.tolist())
+    ahead = ", ".join(f"{number:.4g}" for number in camera.rotation[2])
+    return [("seen from", f"{place}; looking along {ahead}; focal length {camera.focal[0]:.6g}, {camera.focal[1]:.6g} "
+             f"{unit}")]

@@ -13,10 +13,12 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import ExitStatus, is_debugging
+from z2p_renderer.pipeline.cli.options.cameras import camera_options, for_each_camera, read_own_cameras
 from z2p_renderer.pipeline.cli.options.coloring import color_options, color_options_from, describe_scale
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
 from z2p_renderer.pipeline.cli.options.palettes import PALETTES, palette_colors
+from z2p_renderer.pipeline.cli.options.paper import paper_options, settle_resolution, with_paper
 from z2p_renderer.pipeline.cli.options.param_types import FileFormat, OutputPath, SheetGrid, is_output_folder
 from z2p_renderer.pipeline.cli.options.pictures import (
     check_view_options,
@@ -36,19 +38,22 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
-UNSUPPORTED_SUFFIXES = (".bmp", ".gif", ".mp4", ".svg", ".pdf", ".eps", ".exr", ".avif")
+UNSUPPORTED_SUFFIXES = (".bmp", ".gif", ".mp4", ".apng", ".eps", ".exr", ".avif")
 """An output with one of these suffixes is refused, rather than made a folder of that name."""
-SUFFIX_OF_FORMAT = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif"}
+SUFFIX_OF_FORMAT = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif", "pdf": ".pdf", "svg": ".svg"}
 FORMAT_ALIASES = {"jpg": "jpeg", "tif": "tiff"}
 
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option("--output", "-o", default="pictures", type=OutputPath(), metavar="OUT",
-              help="Folder for the pictures; or, for one cloud, the picture itself (.png, .webp, .jpg, .tif).")
+              help="Folder for the pictures; or, for one cloud, the picture itself (.png, .webp, .jpg, .tif, .pdf, "
+              ".svg).")
 @click.option("--format", "format_", default="png", type=FileFormat(list(SUFFIX_OF_FORMAT), FORMAT_ALIASES),
               help="Format of the pictures in a folder.")
 @picture_options
+@camera_options
+@paper_options
 @color_options
 @click.option("--legend", type=OutputPath(file=True), metavar="FILE",
               help="Write the colour bar, or the classes' legend, to a file of its own: .svg, .pdf or .png.")
@@ -96,26 +101,36 @@ def _run(
     columns = parse_columns(options)
     if options["palette_name"] and "color" in controls:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
+    options["own_cameras"] = read_own_cameras(ctx, options)
     check_view_options(ctx, controls, options)
+    settle_resolution(ctx, options)
     colors = color_options_from(ctx, controls, options)
     scans = find_input_scans(ctx, inputs, options, columns is not None)
     from z2p_core.parallel import core_count
     from z2p_renderer.pipeline.batch.render_files import render_files
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
 
-    jobs = min(options["jobs"] or core_count(), len(scans))
+    jobs = min(options["jobs"] or core_count(), len(scans) * len(options["own_cameras"] or [None]))
     threads = None if jobs == 1 else max(1, core_count() // jobs)
     renderer = load_renderer(options["weights"], controls, threads, options["engine"])
-    look = look_from_options(renderer, controls, options, colors)
-    tasks = _plan(ctx, scans, inputs, output, options)
+    look = with_paper(look_from_options(renderer, controls, options, colors), options)
+    tasks = for_each_camera(ctx, _plan(ctx, scans, inputs, output, options), options["own_cameras"])
     check_extras(ctx, tasks, output, options)
+    if options["passes"]:
+        from z2p_renderer.storage.images.pass_files import check_pass_format
+
+        check_pass_format(options["passes_format"])
+    if options["same_frame"] and options["own_cameras"]:
+        raise click.UsageError("--same-frame and a camera both choose the frame; leave one out", ctx)
     if options["same_frame"]:
         renderer, look = _share_frame(scans, renderer, look, columns, options["quiet"])
-    elif options["save_camera"] is not None and len(scans) > 1:
+    elif options["save_camera"] is not None and len(scans) > 1 and not options["own_cameras"]:
         raise click.UsageError(f"--save-camera: {len(scans)} scans have a camera each; add --same-frame", ctx)
     look, scale = _share_scale(scans, renderer, look, columns, options)
     bar = open_progress(len(tasks), options["quiet"])
-    outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs, columns, bar.count_picture)
+    outcomes = render_files(
+        tasks, renderer, look, options["overwrite"], jobs, columns, bar.count_picture, options["passes_format"]
+    )
     counts, done = _report(outcomes, bar, renderer, look, options)
     failed_extras = write_extras(done, output, look, scale, options)
     if not options["quiet"]:
@@ -128,19 +143,20 @@ def _plan(
 ) -> list[Task]:
     """The tasks; makes sure beforehand that their pictures can be written."""
     from z2p_renderer.pipeline.batch.tasks import Task, plan_outputs
-    from z2p_renderer.storage.images.image_files import FORMATS
+    from z2p_renderer.storage.images.image_files import DOCUMENT_SUFFIXES, FORMATS
 
     output_suffix, is_folder = output.suffix.lower(), is_output_folder(ctx, output)
-    is_picture = output_suffix in FORMATS and not is_folder
+    is_picture = output_suffix in (*FORMATS, *DOCUMENT_SUFFIXES) and not is_folder
     if output_suffix in UNSUPPORTED_SUFFIXES and not is_folder:
-        loops = "; loops are made by z2p animate" if output_suffix in (".gif", ".mp4") else ""
-        raise click.UsageError(f"--output {output}: expected a folder, or a picture named {', '.join(FORMATS)}{loops}",
-                               ctx)  # fmt: skip
+        loops = "; loops are made by z2p animate" if output_suffix in (".gif", ".mp4", ".apng") else ""
+        raise click.UsageError(f"--output {output}: expected a folder, or a picture named "
+                               f"{', '.join((*FORMATS, *DOCUMENT_SUFFIXES))}{loops}", ctx)  # fmt: skip
     suffix = output_suffix if is_picture else SUFFIX_OF_FORMAT[options["format_"]]
     if is_picture and len(scans) > 1:
         raise click.UsageError(f"--output {output} names one picture, but {len(scans)} scans match; give a folder", ctx)
     is_format_given = ctx.get_parameter_source("format_") is not click.core.ParameterSource.DEFAULT
-    if is_picture and is_format_given and FORMATS[suffix] != FORMATS[SUFFIX_OF_FORMAT[options["format_"]]]:
+    kinds = {**FORMATS, **{document: document for document in DOCUMENT_SUFFIXES}}
+    if is_picture and is_format_given and kinds[suffix] != kinds[SUFFIX_OF_FORMAT[options["format_"]]]:
         raise click.UsageError(f"--format {options['format_']} does not fit --output {output}; leave it out", ctx)
     check_writable(output.parent if is_picture else output)
     if options["background"] == "transparent" and not options["quiet"]:

@@ -28,7 +28,9 @@ from z2p_renderer.pipeline.cli.progress import note_if_opaque
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
     import numpy as np
 
+    from z2p_core.pinhole import PinholeCamera
     from z2p_core.placement.viewpoint import Viewpoint
+    from z2p_core.style import Style
     from z2p_renderer.pipeline.inference.look import Crop, Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
@@ -42,6 +44,8 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
               help="Turn the object by so many degrees more.")
 @click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
               help="Another camera: JSON of --save-camera, or another picture.")
+@click.option("--style", type=click.Choice(["surface", "balls", "discs"]), help="Another style.")
+@click.option("--radius", metavar="R", help="Another radius of balls: in the data's units, in percent, or a field.")
 @click.option("--smooth", type=SmoothRadius(), help="Smooth the surface over patches of this radius; 0: do not.")
 @click.option("--resolution", "--size", type=Resolution(), help="Another size in pixels.")
 @click.option("--background", type=BackgroundColor(),
@@ -82,7 +86,7 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
         if not is_debugging():
             warnings.simplefilter("ignore")
         picture, look, new_record = _draw_again(record, scan, output, controls, options)
-    write_picture(picture, output, look.background, new_record)
+    write_picture(picture, output, look.background, new_record, look.dpi)
     if not options["quiet"]:
         click.echo(f"rendered: {figure} -> {output}", err=True)
 
@@ -138,6 +142,7 @@ def _draw_again(
     from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
     from z2p_renderer.pipeline.inference.scan_source import describe_source
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
+    from z2p_renderer.pipeline.legends.marks import Marks
     from z2p_renderer.storage.models.checkpoints import shipped_weights
     from z2p_renderer.storage.scans.clouds import format_suffix
 
@@ -147,6 +152,8 @@ def _draw_again(
                            "with --weights")
     renderer = load_renderer(weights, controls, engine=_select_engine(record, options["engine"]))
     look = _build_changed_look(record, renderer, weights, controls, options).written_as(output.suffix.lower())
+    marks = Marks(record.get("scale_bar", False), record.get("axes", False), record.get("unit", ""))
+    look = replace(look, dpi=record.get("dpi"), marks=marks)
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
     clouds = read_scans(scan, columns, look.color_options)
@@ -189,7 +196,9 @@ def _build_changed_look(
 ) -> Look:
     """The look of the record with the changes that `controls` and `options` make."""
     from z2p_renderer.pipeline.inference.look import build_look
+    from z2p_renderer.pipeline.inference.parse_settings import parse_controls
     from z2p_renderer.pipeline.inference.renderer import Renderer
+    from z2p_renderer.pipeline.inference.styles import unused_controls
 
     if (
         options["weights"] is None
@@ -201,21 +210,55 @@ def _build_changed_look(
     dropped = sorted(set(record["controls"]) - set(recorded_controls))
     if dropped and not options["quiet"]:
         click.echo(f"note: the weights {weights!r} have no {' or '.join(dropped)}; the picture's is left out", err=True)
+    style = _changed_style(record, options)
+    for name in unused_controls(style, renderer, parse_controls(renderer, recorded_controls)):
+        del recorded_controls[name]
     if options["load_camera"] is not None:
         recorded_controls.pop("elevation", None)  # the loaded camera has its own
     placing = record["placing"]
+    own_camera = _own_camera(record, options)
+    camera = _changed_camera(record, controls, options) if own_camera is None else None
+    if own_camera is not None and "elevation" not in controls:
+        recorded_controls.pop("elevation", None)  # it follows from the camera
     changed = {key: record[key] if options[key] is None else options[key]
                for key in ("resolution", "background", "supersample", "fit")}  # fmt: skip
     return build_look(
         renderer, {**recorded_controls, **controls}, up=placing["up"], view=placing["view"], azimuth=options["azimuth"],
-        camera=_changed_camera(record, controls, options), keep_outliers=placing["keep_outliers"],
+        camera=camera, own_camera=own_camera, keep_outliers=placing["keep_outliers"],
         cut_top=placing["cut_top"],
         smooth=placing.get("smooth", 0.0) if options["smooth"] is None else options["smooth"],  # older records: none
         size=changed["resolution"], background=changed["background"], supersample=changed["supersample"],
         tight=changed["fit"] == "tight", margin=_changed_margin(record, options),
         crop=_kept_crop(record, controls, options),
-        color_options=color_options_of_record(record, options, "color" in controls),
+        color_options=color_options_of_record(record, options, "color" in controls), style=style,
     )  # fmt: skip
+
+
+def _changed_style(record: Mapping[str, Any], options: dict[str, Any]) -> Style:
+    """The given style, else the picture's; with the given radius, else the picture's if the style stays."""
+    from z2p_core.style import SURFACE, parse_style
+
+    recorded = record.get("style", SURFACE)
+    style = options["style"] or recorded
+    radius = options["radius"] or (record.get("radius") if style == recorded else None)
+    return parse_style(style, radius)
+
+
+def _own_camera(record: Mapping[str, Any], options: dict[str, Any]) -> PinholeCamera | None:
+    """The loaded camera, else the picture's, in the size that is asked for, if it is one in the data's units.
+
+    Raises:
+        SettingError: the file holds several cameras, or none.
+    """
+    from z2p_core.pinhole import PinholeCamera, camera_from_json
+    from z2p_renderer.storage.cameras import read_any_camera
+
+    camera: object = camera_from_json(record["pinhole"]) if "pinhole" in record else None
+    if options["load_camera"] is not None:
+        camera = read_any_camera(options["load_camera"])
+    if not isinstance(camera, PinholeCamera):
+        return None
+    return camera if options["resolution"] is None else camera.fitted(*options["resolution"])
 
 
 def _changed_camera(record: Mapping[str, Any], controls: dict[str, Value], options: dict[str, Any]) -> Viewpoint:

@@ -14,9 +14,13 @@ CONTROL_SETTINGS_KEY = "z2p.settings"
 HELP_SECTIONS = {
     "Input": ("recursive", "columns", "scan", "weights"),
     "View": ("up", "view", "azimuth", "load_camera", "save_camera", "same_frame", "keep_outliers", "cut_top"),
-    "Picture": ("smooth", "resolution", "background", "supersample", "fit", "margin", "format_", "palette_name"),
+    "Camera in the data's units": ("look_from", "look_at", "fov", "orthographic"),
+    "Picture": ("style", "radius", "smooth", "resolution", "background", "supersample", "fit", "margin", "format_",
+                "palette_name"),
+    "On paper": ("width_mm", "dpi", "scale_bar", "axes", "unit", "font_pt"),
     "Colours of points": ("color_by", "colormap", "clim", "classes", "relight", "color_bar", "legend"),
-    "Motion": ("motion", "frames", "fps", "steady"),
+    "Motion": ("motion", "frames", "fps", "steady", "hold", "blend", "blend_by", "turns", "closes", "reference",
+               "frame_of", "grid"),
 }
 """Heading of the help -> its options. Controls follow below Look, and all other options below Output."""
 

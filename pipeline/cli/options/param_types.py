@@ -63,7 +63,10 @@ class FiniteRange(click.FloatRange):
 
 
 class UpAxis(click.Choice):
-    """``auto``, or one of ``+Z``, ``-Z``, ``+Y``, ``-Y``, ``+X``, ``-X``; ``Y``, ``y`` and ``y-up`` mean ``+Y``."""
+    """``auto``, or one of ``+Z``, ``-Z``, ``+Y``, ``-Y``, ``+X``, ``-X``; ``Y``, ``y`` and ``y-up`` mean ``+Y``.
+
+    A direction ``X,Y,Z`` stays a text.
+    """
 
     def __init__(self) -> None:
         super().__init__(["auto", "+Z", "-Z", "+Y", "-Y", "+X", "-X"])
@@ -71,7 +74,44 @@ class UpAxis(click.Choice):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         from z2p_core.up_axis.axis_names import parse_up_axis
 
-        return super().convert(parse_up_axis(value) or value, param, ctx)
+        axis = parse_up_axis(value)
+        return axis if axis is not None and "," in axis else super().convert(axis or value, param, ctx)
+
+
+class Position(click.ParamType):
+    """A position in the data's coordinates, as ``X,Y,Z``."""
+
+    name = "X,Y,Z"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float]:
+        if isinstance(value, tuple):  # click converts defaults and converted values again
+            return value
+        try:
+            x, y, z = (float(part) for part in value.split(","))
+        except ValueError:
+            x = y = z = math.nan
+        if not all(map(math.isfinite, (x, y, z))):
+            self.fail(f"expected three numbers X,Y,Z, got {value!r}", param, ctx)
+        return x, y, z
+
+
+class PassNames(click.ParamType):
+    """Names of passes with commas between them, or ``all``."""
+
+    name = "NAMES"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
+        if isinstance(value, tuple):
+            return value
+        from z2p_core.interfaces import SettingError
+        from z2p_core.pass_names import parse_passes
+
+        try:
+            return parse_passes(value)
+        except SettingError as error:
+            self.fail(str(error).removeprefix("passes: "), param, ctx)
 
 
 class ViewDirection(click.ParamType):

@@ -39,8 +39,8 @@ PICTURE_OPTIONS = (
                  "two grey levels on average: onnxruntime-int8, openvino-bf16, openvino-int8. Default: "
                  "onnxruntime-int8 on processors with AVX2, else the first of the others that is installed."),
     click.option("--up", default="auto", type=UpAxis(),
-                 help="Axis that points up in the data; auto: that of a depth camera, else the usual one of the "
-                 "format, or the one by which the object stands."),
+                 help="Axis, or direction X,Y,Z, that points up in the data; auto: that of a depth camera, else the "
+                 "usual one of the format, or the one by which the object stands."),
     click.option("--view", default="auto", type=ViewDirection(),
                  help="Direction to look from. auto: that of a depth camera, else the three-quarter view that shows "
                  "most; front: the front of the data; sensor; or degrees from the front, as azimuth or "
@@ -48,13 +48,20 @@ PICTURE_OPTIONS = (
     click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
                  help="Turn the object about its up axis, counter-clockwise from above, relative to the chosen view "
                  "(--view AZ is absolute)."),
-    click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
+    click.option("--load-camera", "--cameras", "load_camera", type=click.Path(path_type=Path), metavar="FILE",
                  help="Use the camera of a JSON file that --save-camera wrote, or of a picture of z2p; without --up "
-                 "and --view."),
+                 "and --view. Or cameras in the data's units, one picture each: JSON with K, R, t, width and height, "
+                 "nerfstudio's transforms.json, or a COLMAP model."),
     click.option("--keep-outliers", is_flag=True,
                  help="Keep outliers, which make the object small, and the background of a depth camera's subject."),
     click.option("--cut-top", default=0.0, type=FiniteRange(0, 100, max_open=True), metavar="PERCENT",
                  help="Cut off this share of the height at the top, to look into a room."),
+    click.option("--style", default="surface", type=click.Choice(["surface", "balls", "discs"]),
+                 help="surface: the surface that the points lie on; balls: a lit ball at each point; discs: a lit disc "
+                 "at each."),
+    click.option("--radius", metavar="R",
+                 help="Radius of balls: in the data's units; in percent of the object's radius, as in 2%; or the name "
+                 "of a field of the scan.  [default: half the points' spacing]"),
     click.option("--smooth", default="auto", type=SmoothRadius(),
                  help="Smooth the surface over patches of this radius, as a share of the frame's radius; auto: only "
                  "noisy clouds of depth cameras; 0: never, and leave gaps open."),
@@ -88,7 +95,9 @@ def check_view_options(ctx: click.Context, controls: dict[str, Value], options: 
     """
     default = click.core.ParameterSource.DEFAULT
     for name in ("view", "up"):
-        if options["load_camera"] is not None and ctx.get_parameter_source(name) is not default:
+        if options["load_camera"] is None or ctx.get_parameter_source(name) is default:
+            continue
+        if name == "view" or options["own_cameras"] is None:  # those in the data's units know of no up
             raise click.UsageError(f"--load-camera and --{name} both choose the view; leave one out", ctx)
     if isinstance(options["view"], tuple) and "elevation" in controls:
         raise click.UsageError("--view AZ,EL and --elevation both choose the elevation; leave one out", ctx)
@@ -104,16 +113,19 @@ def look_from_options(
     Raises:
         SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
     """
+    from z2p_core.style import parse_style
     from z2p_renderer.pipeline.inference.look import build_look
     from z2p_renderer.storage.cameras import read_camera
 
-    file = options["load_camera"]
+    file, cameras = options["load_camera"], options["own_cameras"]
     return build_look(
         renderer, controls, up=options["up"], view=options["view"], azimuth=options["azimuth"],
-        camera=None if file is None else read_camera(file), keep_outliers=options["keep_outliers"],
+        camera=None if file is None or cameras else read_camera(file), keep_outliers=options["keep_outliers"],
         cut_top=options["cut_top"], smooth=options["smooth"], size=options["resolution"],
         background=options["background"], supersample=options["supersample"], tight=options["fit"] == "tight",
-        margin=options["margin"], color_options=color_options,
+        margin=options["margin"], color_options=color_options, style=parse_style(options["style"], options["radius"]),
+        own_camera=cameras[0] if cameras else None,
+        passes=options.get("passes") or (),
     )  # fmt: skip
 
 

@@ -64,7 +64,7 @@ def test_a_previewer_takes_what_sizes_render_takes(small: dict[str, Any], size: 
      {"camera": {"a": 1}}, {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)},
      {"colors": np.ones((10, 3))}, {"colors": [[1, 0, 0], [1, 0]]}, {"weights": None},
      {"supersample": np.array([1, 2])},
-     {"fit": np.array(["frame", "tight"])}, {"up": np.array([0, 0, 1])}],
+     {"fit": np.array(["frame", "tight"])}, {"up": np.zeros(3)}],
     ids=str,
 )  # fmt: skip
 def test_wrong_settings_are_value_errors_in_one_line(

@@ -38,7 +38,7 @@ def test_shapes_types_and_premultiplied_targets(shards):
     batch = pictures(shards).batch(0)
     assert batch.buffers.shape == (4, 11, 32, 32) and batch.settings.shape == (4, 7)
     assert batch.target.shape == (4, 4, 32, 32) and batch.coverage.shape == (4, 1, 32, 32)
-    assert all(tensor.dtype == torch.float32 for tensor in vars(batch).values())
+    assert all(tensor.dtype == torch.float32 for tensor in vars(batch).values() if tensor is not None)
     assert batch.target.min() >= 0 and batch.target.max() <= 1 and batch.buffers[:, 0].max() > 0.1
     assert (batch.target[:, :3] <= batch.target[:, 3:]).all()
 

@@ -17,7 +17,8 @@ ABSURD = (None, True, -1, -0.5, 10**12, 10**400, 1e300, math.nan, math.inf, -mat
           ("a",) * 5, ((1, 2),), {}, 1j)  # fmt: skip
 FREE = {
     "render.passes": [()], "train.resolutions": [()], "train.network.widths": [], "evaluate.elevation": [None],
-    "evaluate.textures": [()],
+    "evaluate.textures": [()], "render.textures": [()], "train.network.conditions": [()],
+    "render.textured_share": [],
     "weights": [(), ("a",) * 5], "baselines": [()], "train.loss.masked": [True], "train.cropped": [True],
     "train.mirror": [True],
 }  # fmt: skip
@@ -67,11 +68,23 @@ def test_absurd_values_are_refused_with_their_key(config, limits, path):
         assert path in str(refused.value) and len(str(refused.value)) < 600
 
 
+def test_textures_need_color_and_a_gbuffer_that_draws_them_and_no_teacher():
+    textured = edited(PipelineConfig(), "render.textures", ("stripes",))
+    check_values(textured)
+    for path, value, words in [
+        ("render.controls", ("light",), "expected color among"), ("train.network.gbuffer", "none", "draws textures"),
+        ("train.teacher", "regular", "expected none with render.textures"),
+    ]:  # fmt: skip
+        with pytest.raises(ConfigError, match=words):
+            check_values(edited(textured, path, value))
+
+
 def test_inconsistent_values_are_refused():
     for path, value, words in [
         ("shard.resolution", 100, "divisor of render.resolution"), ("train.points", (500, 100), "smallest <= largest"),
         ("train.resolutions", (100,), "divisors"), ("train.network.unshuffle", 3, ""),
         ("train.network.widths", (4096,) * 10, "500,000,000 weights"),
+        ("train.network.conditions", ("albedo",), "expected textures in render.textures"),
     ]:  # fmt: skip
         config = edited(PipelineConfig(), path, value)
         if words:

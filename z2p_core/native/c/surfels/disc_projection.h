@@ -1,4 +1,5 @@
-/* Perspective projection of a disc: its ellipse on the screen, and which samples of a row it covers, at what depth.
+/* Projection of a disc, in perspective or orthographic: its ellipse on the screen, and which samples of a row it covers,
+ * at what depth.
  *
  * Discs are in camera axes: x right, y down, z forward; screen positions are in samples, several per pixel.
  * Perspective within a disc is neglected: the local affine approximation of Zwicker et al., "Surface Splatting",
@@ -13,7 +14,6 @@
 #include "common/vec3.h"
 #include "common/lanes.h"
 
-#define NEAR_PLANE 0.1f         /* smallest depth that is drawn, in world units */
 #define MIN_COS_TO_VIEWER 0.02f /* discs seen at a smaller cosine are edge-on and not drawn */
 
 /* A projected disc, relative to its center: the ellipse xx x^2 + 2 xy x y + yy y^2 < 1, with depth and the signed
@@ -31,10 +31,12 @@ typedef struct {
     int left, top, right, bottom;
 } Box;
 
-/* The image and the rows [first, last) of it that are drawn; all in samples, focal as well. */
+/* The image and the rows [first, last) of it that are drawn; all in samples: focal lengths and principal point as well.
+ * Orthographic: the focal lengths are samples per world unit. Discs nearer than near_plane, in world units, are not
+ * drawn in perspective. */
 typedef struct {
-    float focal;
-    int width, height, first, last;
+    float focal_x, focal_y, center_x, center_y, near_plane;
+    int orthographic, width, height, first, last;
 } Viewport;
 
 static int clamp_to_int(float value, int low, int high) {
@@ -46,15 +48,19 @@ static int clamp_to_int(float value, int low, int high) {
  * none. */
 static int project_disc(Disc *disc, const float *p, const float *n, float radius, const float *planes,
                         const Viewport *view, Box *bounds) {
-    float focal = view->focal, x = p[0] / p[2], y = p[1] / p[2], n_dot_ray = n[0] * x + n[1] * y + n[2];
-    if (!(p[2] >= NEAR_PLANE && n_dot_ray <= -MIN_COS_TO_VIEWER)) return 0;
-    float max_extent = radius * focal * (1 + y * y) / larger(p[2] - radius, NEAR_PLANE);
-    disc->y = y * focal + 0.5f * (float)view->height;
+    int flat = view->orthographic;
+    float x = flat ? 0 : p[0] / p[2], y = flat ? 0 : p[1] / p[2], n_dot_ray = n[0] * x + n[1] * y + n[2];
+    if (!((flat || p[2] >= view->near_plane) && n_dot_ray <= -MIN_COS_TO_VIEWER)) return 0;
+    float nearest = flat ? 1 : larger(p[2] - radius, view->near_plane);
+    float max_extent = radius * view->focal_y * (1 + y * y) / nearest;
+    disc->y = (flat ? p[1] : y) * view->focal_y + view->center_y;
     if (disc->y + max_extent < (float)view->first || disc->y - max_extent >= (float)view->last) return 0;
-    disc->x = x * focal + 0.5f * (float)view->width;
-    float step = p[2] / focal, depth_dx = -step * n[0] / n_dot_ray, depth_dy = -step * n[1] / n_dot_ray;
+    disc->x = (flat ? p[0] : x) * view->focal_x + view->center_x;
+    float step_x = (flat ? 1 : p[2]) / view->focal_x, step_y = (flat ? 1 : p[2]) / view->focal_y;
+    float depth_dx = -step_x * n[0] / n_dot_ray, depth_dy = -step_y * n[1] / n_dot_ray;
     /* movement on the disc's plane for a step of one sample along x and along y */
-    float u[3] = {step + x * depth_dx, y * depth_dx, depth_dx}, v[3] = {x * depth_dy, step + y * depth_dy, depth_dy};
+    float u[3] = {step_x + x * depth_dx, y * depth_dx, depth_dx};
+    float v[3] = {x * depth_dy, step_y + y * depth_dy, depth_dy};
     float scale = 1 / (radius * radius);
     disc->depth = p[2], disc->depth_dx = depth_dx, disc->depth_dy = depth_dy;
     disc->xx = dot(u, u) * scale, disc->xy = dot(u, v) * scale, disc->yy = dot(v, v) * scale;

@@ -30,11 +30,13 @@ typedef struct {
 
 /* The texture of a disc with normal n, as the camera sees it. */
 INLINE ScreenTexture project_texture(const Disc *disc, const float *n, const float *texture, const Viewport *view) {
-    float s[3], t[3], step = disc->depth / view->focal;
-    float ray_x = (disc->x - 0.5f * (float)view->width) / view->focal;
-    float ray_y = (disc->y - 0.5f * (float)view->height) / view->focal, scale = 1 / disc->radius;
-    float u[3] = {step + ray_x * disc->depth_dx, ray_y * disc->depth_dx, disc->depth_dx};
-    float v[3] = {ray_x * disc->depth_dy, step + ray_y * disc->depth_dy, disc->depth_dy};
+    int flat = view->orthographic;
+    float s[3], t[3], scale = 1 / disc->radius;
+    float step_x = (flat ? 1 : disc->depth) / view->focal_x, step_y = (flat ? 1 : disc->depth) / view->focal_y;
+    float ray_x = flat ? 0 : (disc->x - view->center_x) / view->focal_x;
+    float ray_y = flat ? 0 : (disc->y - view->center_y) / view->focal_y;
+    float u[3] = {step_x + ray_x * disc->depth_dx, ray_y * disc->depth_dx, disc->depth_dx};
+    float v[3] = {ray_x * disc->depth_dy, step_y + ray_y * disc->depth_dy, disc->depth_dy};
     tangent_basis(n, s, t);
     float s_dx = dot(s, u) * scale, s_dy = dot(s, v) * scale, t_dx = dot(t, u) * scale, t_dy = dot(t, v) * scale;
     const float *along_s = texture + TEXTURE_COLORS, *along_t = along_s + TEXTURE_COLORS;

@@ -21,10 +21,12 @@
 #define CLIPPED_WEIGHT 0.02f      /* weight factor beyond clip planes: negligible, but visible where nothing else is */
 #define OCCLUDED_DEPTH_RADII 1.0f /* a disc whose center lies so far behind the nearest surface is dropped */
 
-/* Image size in pixels and what the weights mean; see z2p_rasterize_surfels. Mirrored by z2p_core/native/surfels.py. */
+/* Image size, focal lengths and principal point in pixels (orthographic: pixels per world unit), and what the weights
+ * mean; see z2p_rasterize_surfels. Mirrored by z2p_core/native/surfels.py. */
 typedef struct {
-    int width, height, first_row, last_row;
-    float focal, blend_depth_radii, coverage_gain, full_weight, near_depth, far_depth;
+    int width, height, first_row, last_row, orthographic;
+    float focal_x, focal_y, center_x, center_y, near_plane;
+    float blend_depth_radii, coverage_gain, full_weight, near_depth, far_depth;
 } RasterSettings;
 
 /* Projects all surfels; returns how many discs may be visible, and the box of whole pixels, in samples, around them. */
@@ -238,8 +240,10 @@ FAST int z2p_rasterize_surfels(const float *points, const float *normals, const 
         memset(image + c * plane + (size_t)first * width, 0, sizeof(float) * (size_t)(last - first) * width);
     for (int c = 0; textures && c < TEXTURE_COLORS; c++)
         memset(colors + c * plane + (size_t)first * width, 0, sizeof(float) * (size_t)(last - first) * width);
-    Viewport view = {settings->focal * SAMPLES_PER_SIDE, width * SAMPLES_PER_SIDE, height * SAMPLES_PER_SIDE,
-                     first * SAMPLES_PER_SIDE, last * SAMPLES_PER_SIDE};
+    Viewport view = {settings->focal_x * SAMPLES_PER_SIDE, settings->focal_y * SAMPLES_PER_SIDE,
+                     settings->center_x * SAMPLES_PER_SIDE, settings->center_y * SAMPLES_PER_SIDE,
+                     settings->near_plane, settings->orthographic, width * SAMPLES_PER_SIDE,
+                     height * SAMPLES_PER_SIDE, first * SAMPLES_PER_SIDE, last * SAMPLES_PER_SIDE};
     Box box;
     int disc_count =
         project_discs(points, normals, radii, clip_planes, count, settings->blend_depth_radii, &view, discs, &box);

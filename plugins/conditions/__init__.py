@@ -1,0 +1,1 @@
+"""Built-in conditions: pictures of a cloud's own colors."""
