@@ -21,6 +21,8 @@ from z2p_renderer.pipeline.cli.options.pictures import check_view_options
 
 MAX_TEXT = 200
 """Characters that a text setting of the page may have."""
+SURFACE = "surface"
+"""The style that needs no option."""
 DEFAULT_SIZE = 512
 """Width and height of a picture in pixels."""
 
@@ -42,6 +44,7 @@ class ViewState:
     margin: float | None = None
     """Free border as a share of the shorter side, by which the wheel zooms."""
     weights: str = AUTO
+    style: str = SURFACE
     keep_outliers: bool = False
     same_frame: bool = False
     """Whether all clouds share one frame, in which they keep their sizes and places."""
@@ -50,6 +53,7 @@ class ViewState:
         """The words of `z2p run-inference` that stand for it, without inputs and outputs."""
         texts = {
             "--weights": _unless(self.weights, AUTO), "--up": _unless(self.up, "auto"),
+            "--style": _unless(self.style, SURFACE),
             "--view": "" if self.azimuth is None else number_text(self.azimuth),
             **{control_flags()[name]: _values_text(value) for name, value in self.controls.items()},
             "--color-by": _unless(self.color_by, AUTO),
@@ -66,7 +70,8 @@ class ViewState:
     def keywords(self, default_up: str = "auto") -> dict[str, Any]:
         """The keywords of `z2p_core.render` that stand for it; `default_up` is the one that needs no word."""
         given = {
-            "weights": _unless(self.weights, AUTO), "up": _unless(self.up, default_up), "view": self.azimuth,
+            "weights": _unless(self.weights, AUTO), "up": _unless(self.up, default_up),
+            "style": _unless(self.style, SURFACE), "view": self.azimuth,
             **{name: value[0] if len(value) == 1 else value for name, value in self.controls.items()},
             "colors": _unless(self.color_by, AUTO), "cmap": self.colormap if self.has_field else "",
             "size": None if self.size == (DEFAULT_SIZE, DEFAULT_SIZE) else self.size,
@@ -106,7 +111,7 @@ def state_from_json(data: Any) -> ViewState:
     )  # fmt: skip
 
 
-TEXTS = ("up", "color_by", "colormap", "background", "weights")
+TEXTS = ("up", "color_by", "colormap", "background", "weights", "style")
 SWITCHES = ("color_bar", "keep_outliers", "same_frame")
 
 
@@ -136,7 +141,7 @@ def parse_options(words: list[str]) -> ParsedOptions:
     try:
         context = render.make_context("run-inference", ["scan", *words], resilient_parsing=False)
         with context:
-            options, controls = context.params, context.meta.get(CONTROL_SETTINGS_KEY, {})
+            options, controls = {**context.params, "own_cameras": None}, context.meta.get(CONTROL_SETTINGS_KEY, {})
             check_view_options(context, controls, options)
             return ParsedOptions(options, dict(controls), color_options_from(context, controls, options))
     except click.ClickException as error:

@@ -24,6 +24,7 @@ from z2p_renderer.pipeline.inference.render_scan import (
     render_scan,
     with_common_scale,
 )
+from z2p_renderer.pipeline.inference.styles import StyledCloud
 from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, AutoRenderer, load_renderer
 from z2p_renderer.pipeline.outputs.animation import draw_opening, prepare_scan
 from z2p_renderer.pipeline.viewer.view_state import ViewState, draft_state, parse_options
@@ -206,14 +207,14 @@ class ViewedScans:
 
     def _prepared(
         self, pane: Pane, state: ViewState, renderer: AnyRenderer, look: Look
-    ) -> tuple[RenderedScan, PreparedRender]:
+    ) -> tuple[RenderedScan, PreparedRender | StyledCloud]:
         """The pane's opening and its prepared cloud, in the automatic view, or in the front one, which is turned."""
         start = replace(state, azimuth=None if state.azimuth is None else 0.0)
         placing = replace(look.placement_options, view="auto" if start.azimuth is None else 0.0)
         look = replace(look, placement_options=placing)
         scan, suffix = self._scan(pane, state), format_suffix(pane.path)
 
-        def prepare() -> tuple[RenderedScan, PreparedRender]:
+        def prepare() -> tuple[RenderedScan, PreparedRender | StyledCloud]:
             selected, shared = renderer, look
             if state.same_frame:
                 fixed = {name: value for name, value in start.controls.items() if name != "elevation"}
@@ -224,7 +225,8 @@ class ViewedScans:
             return opening, prepare_scan(opening, scan, suffix, plain)
 
         colors = ("color" in look.values, look.color_options)
-        key = ("prepared", pane, id(scan), id(renderer), placing, look.margin, start.same_frame, colors)
+        style = () if look.style.needs_network else (look.style, look.width, look.height)
+        key = ("prepared", pane, id(scan), id(renderer), placing, look.margin, start.same_frame, colors, style)
         return self._keep(key, KEPT_PREPARED * len(self.panes), prepare)
 
     def _with_common_frame(self, state: ViewState, renderer: AnyRenderer, look: Look) -> tuple[AnyRenderer, Look]:
