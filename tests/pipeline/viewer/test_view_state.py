@@ -20,12 +20,12 @@ def test_what_was_not_touched_needs_no_words() -> None:
 
 
 def test_each_setting_has_its_option() -> None:
-    state = state_from_json({"azimuth": -10, "up": "-Y", "style": "balls", "controls": {"elevation": [12.3456789]}, "size": [64, 48],
-                             "color_by": "heat", "colormap": "turbo", "color_bar": True, "background": "#102030",
-                             "same_frame": True})  # fmt: skip
+    state = state_from_json({"azimuth": -10, "up": "-Y", "style": "balls", "controls": {"elevation": [12.3456789]},
+                             "size": [64, 48], "color_by": "heat", "colormap": "turbo", "color_bar": True,
+                             "background": "#102030", "same_frame": True})  # fmt: skip
     assert state.options() == [
-        "--up", "-Y", "--style", "balls", "--view", "350", "--elevation", "12.3457", "--color-by", "heat", "--colormap", "turbo",
-        "--resolution", "64,48", "--background", "#102030", "--color-bar", "--same-frame",
+        "--up", "-Y", "--style", "balls", "--view", "350", "--elevation", "12.3457", "--color-by", "heat",
+        "--colormap", "turbo", "--resolution", "64,48", "--background", "#102030", "--color-bar", "--same-frame",
     ]  # fmt: skip
     parsed = parse_options(state.options())
     assert parsed.controls == {"elevation": (12.3457,)} and parsed.options["view"] == 350.0
