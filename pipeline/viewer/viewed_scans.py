@@ -88,7 +88,7 @@ class ViewedScans:
             raise ScanError(self.faults[0])
 
     def _find_panes(self) -> list[Pane]:
-        panes = []
+        panes: list[Pane] = []
         fields: dict[str, None] = {}
         for path in self.paths:
             try:
