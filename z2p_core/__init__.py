@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from z2p_core.api.read_cameras import read_cameras as read_cameras
     from z2p_core.api.render import RenderWarning as RenderWarning
     from z2p_core.api.render import render as render
+    from z2p_core.api.view import view as view
     from z2p_core.interfaces import ScanError as ScanError
     from z2p_core.interfaces import SettingError as SettingError
     from z2p_core.pinhole import PinholeCamera as PinholeCamera
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _LATE = {
-    "render": "z2p_core.api.render", "animate": "z2p_core.api.animate",
+    "render": "z2p_core.api.render", "view": "z2p_core.api.view", "animate": "z2p_core.api.animate",
     "Picture": "z2p_core.api.picture", "Previewer": "z2p_core.api.previewer",
     "RenderWarning": "z2p_core.api.render", "ScanError": "z2p_core.interfaces", "SettingError": "z2p_core.interfaces",
     "PinholeCamera": "z2p_core.pinhole", "look_at": "z2p_core.pinhole", "pinhole_camera": "z2p_core.pinhole",

@@ -23,6 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads 
 COMMANDS = {
     "render": ("render:render", "Render point clouds to pictures."),
     "run-inference": ("render:render", "The same as render, by its older name."),
+    "view": ("view:view", "Look around scans in the browser."),
     "animate": ("animate:animate", "Make turntables and light sweeps of point clouds."),
     "figure": ("figure:figure", "Draw a table of clouds and methods as one figure."),
     "film": ("film:film", "Turn a series of point clouds into one film."),

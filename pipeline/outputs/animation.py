@@ -66,7 +66,7 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
     renderer = opening.renderer
     if motion.kind != "turn" and "light" not in renderer.controls:
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
-    prepared = _prepare(opening, scan, suffix, look)
+    prepared = prepare_scan(opening, scan, suffix, look)
     scale = opening.coloring.scale if opening.coloring is not None and look.color_options.color_bar else None
     look = replace(look, color_options=replace(look.color_options, color_bar=False))  # drawn after the crop
     frames = (_render_frame(prepared, look, motion, opening, number) for number in range(motion.frames))
@@ -82,8 +82,8 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
     yield from (draw_onto(frame, scale, look.background) for frame in frames)
 
 
-def _prepare(opening: RenderedScan, scan: Scan, suffix: str, look: Look) -> PreparedRender | StyledCloud:
-    """The scan as the opening places it, selected and smoothed once for all frames."""
+def prepare_scan(opening: RenderedScan, scan: Scan, suffix: str, look: Look) -> PreparedRender | StyledCloud:
+    """The scan as its `draw_opening` places it, selected and smoothed once for all frames."""
     points = select_points(scan, suffix, look.placement_options).points
     if opening.placement.smoothing_radius:
         base = without_margin(opening.viewpoint, look.frame_margin)  # whose radius the smoothing radius is relative to

@@ -141,6 +141,14 @@ class RenderBackend:
         """
         return parse_background(background)
 
+    def start_viewer(
+        self, points: Path | Sequence[Path] | Sequence[np.ndarray], fields: Sequence[Mapping[str, np.ndarray]], up: str
+    ) -> Any:
+        """A running viewer of files, or of clouds (N, 3) with the fields of each; see `z2p_core.view`."""
+        from z2p_renderer.pipeline.viewer.background import start_viewer  # late: few programs look around
+
+        return start_viewer(points, fields, up)
+
     def draw_message(self, text: str, size: tuple[int, int]) -> np.ndarray:
         """Image (H, W, 4) uint8 that shows the text, instead of a cloud that could not be rendered."""
         from PIL import Image, ImageDraw, ImageFont
@@ -229,8 +237,10 @@ def _without_undrawn_colors(request: RenderRequest, renderer: AnyRenderer) -> tu
     if not all("rgb" in one for one in fields):
         return request, "these weights draw no per-point colours: they are left out; choose one with color="
     means = tuple(mean_color(one["rgb"]) for one in fields)
-    note = (f"these weights draw no per-point colours: the whole object has their mean, {name_colors(means)}; choose "
-            "another with color=")
+    note = (
+        f"these weights draw no per-point colours: the whole object has their mean, {name_colors(means)}; choose "
+        "another with color="
+    )
     return replace(request, colors=means), note
 
 
@@ -339,8 +349,9 @@ def _view(view: Any) -> str | float | tuple[float, float]:
     try:
         azimuth, elevation = view
     except (TypeError, ValueError):
-        raise SettingError(f"expected view {', '.join(NAMED_VIEWS)}, an azimuth or (azimuth, elevation), got "
-                           f"{view!r}") from None
+        raise SettingError(
+            f"expected view {', '.join(NAMED_VIEWS)}, an azimuth or (azimuth, elevation), got {view!r}"
+        ) from None
     return _angle("azimuth of view", azimuth), _angle("elevation of view", elevation)
 
 
@@ -374,8 +385,10 @@ def _notes(scan: Scan, rendered: RenderedScan, look: Look) -> Iterator[str]:
     if placement.outlier_count:
         yield f"{placement.outliers_message} left out of the frame; keep_outliers=True keeps all"
     if placement.background_count:
-        yield (f"{placement.background_count} points far behind the depth camera's subject were left out; "
-               "keep_outliers=True keeps them")
+        yield (
+            f"{placement.background_count} points far behind the depth camera's subject were left out; "
+            "keep_outliers=True keeps them"
+        )
     if placement.smoothing_radius and look.placement_options.smooth == "auto":
         yield "the depth camera's noisy cloud was made smooth; smooth=0 leaves it as it is"
     if placement.rounding_step:

@@ -126,6 +126,9 @@ class Backend(Protocol):
     def parse_background(self, background: Any) -> tuple[float, float, float] | None:
         """sRGB in [0, 1] of a CSS name, #hex or three numbers; None for a transparent one."""
 
+    def start_viewer(self, points: Any, fields: Sequence[Mapping[str, np.ndarray]], up: str) -> Any:
+        """A running viewer, with an `address` and a method `close`; see `z2p_core.view`."""
+
     def draw_message(self, text: str, size: tuple[int, int]) -> np.ndarray:
         """Image (H, W, 4) uint8 that shows the text, instead of a cloud that could not be rendered."""
 
