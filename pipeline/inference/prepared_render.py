@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class PreparedRender:
-    """A cloud that one renderer draws again and again; made by `Renderer.prepare`. Several threads may share one.
+    """A placed cloud that one renderer draws again and again. Several threads may share one.
 
     Images are those of `Renderer.render` of the turned cloud, but for noise of what is sampled along fixed axes and on
     the floor's grid, which then lie otherwise to the object; an unturned cloud gives the same bytes.

@@ -142,10 +142,10 @@ class RenderBackend:
         return parse_background(background)
 
     def start_viewer(
-        self, points: Path | Sequence[Path] | Sequence[np.ndarray], fields: Sequence[Mapping[str, np.ndarray]], up: str
+        self, points: Sequence[Path] | Sequence[np.ndarray], fields: Sequence[Mapping[str, np.ndarray]], up: str
     ) -> Any:
         """A running viewer of files, or of clouds (N, 3) with the fields of each; see `z2p_core.view`."""
-        from z2p_renderer.pipeline.viewer.background import start_viewer  # late: few programs look around
+        from z2p_renderer.pipeline.cli.viewer.background import start_viewer  # late: few programs look around
 
         return start_viewer(points, fields, up)
 

@@ -55,9 +55,9 @@ def view(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: A
     columns = parse_columns(options)
     paths = find_input_scans(ctx, inputs, {**options, "quiet": False}, columns is not None)
     check_writable(output)
-    from z2p_renderer.pipeline.viewer.saving import Saver
-    from z2p_renderer.pipeline.viewer.server import ViewServer
-    from z2p_renderer.pipeline.viewer.viewed_scans import ViewedScans
+    from z2p_renderer.pipeline.cli.viewer.saving import Saver
+    from z2p_renderer.pipeline.cli.viewer.server import ViewServer
+    from z2p_renderer.pipeline.cli.viewer.viewed_scans import ViewedScans
 
     scans = ViewedScans(paths, options["engine"], columns)
     for fault in scans.faults:
@@ -76,7 +76,7 @@ def view(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: A
 
 def _announce(server: Any, is_quiet: bool) -> None:
     """Prints the address, and opens it in a browser if there is one."""
-    from z2p_renderer.pipeline.viewer.server import DEFAULT_PORT
+    from z2p_renderer.pipeline.cli.viewer.server import DEFAULT_PORT
 
     if server.is_default_port_taken:
         click.echo(f"port {DEFAULT_PORT} is in use; took {server.server_port}", err=True)

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_renderer.pipeline.viewer.saving import Saver
-from z2p_renderer.pipeline.viewer.server import ViewServer
-from z2p_renderer.pipeline.viewer.viewed_scans import ViewedScans
+from z2p_renderer.pipeline.cli.viewer.saving import Saver
+from z2p_renderer.pipeline.cli.viewer.server import ViewServer
+from z2p_renderer.pipeline.cli.viewer.viewed_scans import ViewedScans
 
 PICTURES_FOLDER = Path("pictures")
 

@@ -17,9 +17,9 @@ import pytest
 from PIL import Image
 
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.viewer.saving import Saver
-from z2p_renderer.pipeline.viewer.server import ViewServer
-from z2p_renderer.pipeline.viewer.viewed_scans import ViewedScans
+from z2p_renderer.pipeline.cli.viewer.saving import Saver
+from z2p_renderer.pipeline.cli.viewer.server import ViewServer
+from z2p_renderer.pipeline.cli.viewer.viewed_scans import ViewedScans
 
 MOVED = {"azimuth": 33.3, "controls": {"elevation": [30.0], "light": [3.6, 20.0, 40.0]}, "size": [96, 64],
          "background": "white", "margin": 0.05}  # fmt: skip
@@ -152,7 +152,7 @@ def test_a_port_in_use_is_said(client: Client) -> None:
 
 
 def test_it_ends_when_its_last_page_is_closed(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("z2p_renderer.pipeline.viewer.server.CLOSING_SECONDS", 0.05)
+    monkeypatch.setattr("z2p_renderer.pipeline.cli.viewer.server.CLOSING_SECONDS", 0.05)
     with ViewServer(client.server.scans, client.server.saver, port=0) as server:
         thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()

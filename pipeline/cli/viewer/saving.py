@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.viewer.view_state import ViewState, call_text, command_text, command_words
-from z2p_renderer.pipeline.viewer.viewed_scans import Pane, ViewedScans
+from z2p_renderer.pipeline.cli.viewer.view_state import ViewState, call_text, command_text, command_words
+from z2p_renderer.pipeline.cli.viewer.viewed_scans import Pane, ViewedScans
 from z2p_renderer.storage.cameras import check_camera_place, write_camera
 
 SAVE_SECONDS = 600

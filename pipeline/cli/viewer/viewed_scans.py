@@ -14,6 +14,7 @@ import numpy as np
 from z2p_core.interfaces import ScanError, SettingError, Slider
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.cli.options.pictures import look_from_options
+from z2p_renderer.pipeline.cli.viewer.view_state import ViewState, draft_state, parse_options
 from z2p_renderer.pipeline.coloring.fields import VECTOR_FIELDS, read_scans
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.prepared_render import PreparedRender
@@ -27,7 +28,6 @@ from z2p_renderer.pipeline.inference.render_scan import (
 from z2p_renderer.pipeline.inference.styles import StyledCloud
 from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, AutoRenderer, load_renderer
 from z2p_renderer.pipeline.outputs.animation import draw_opening, prepare_scan
-from z2p_renderer.pipeline.viewer.view_state import ViewState, draft_state, parse_options
 from z2p_renderer.storage.models.checkpoints import shipped_weights
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix
 

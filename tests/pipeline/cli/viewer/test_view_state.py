@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.viewer.view_state import (
+from z2p_renderer.pipeline.cli.viewer.view_state import (
     ViewState,
     call_text,
     command_text,

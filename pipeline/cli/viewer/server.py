@@ -24,9 +24,9 @@ import numpy as np
 
 from z2p_core.errors.messages import UserError
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.viewer.saving import Saver
-from z2p_renderer.pipeline.viewer.view_state import state_from_json
-from z2p_renderer.pipeline.viewer.viewed_scans import View, ViewedScans, check_pane
+from z2p_renderer.pipeline.cli.viewer.saving import Saver
+from z2p_renderer.pipeline.cli.viewer.view_state import state_from_json
+from z2p_renderer.pipeline.cli.viewer.viewed_scans import View, ViewedScans, check_pane
 from z2p_renderer.storage.images.image_files import encode_picture
 
 DEFAULT_PORT = 8731
