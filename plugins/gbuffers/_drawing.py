@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from z2p_renderer.plugins.gbuffers._shaders import Shader
 
 BLENDING = native.Blending(blend_depth_radii=0.7, coverage_gain=15.0, full_weight=2.7)
 """Coverage is low where only a disc's rim is; density is 1 within a surface and about a third of that at its border."""
+DETAIL_BLENDING = replace(BLENDING, opaque_weight=0.3)
+"""That of a dense cloud's discs, hardly larger than pixels: where their rims cover little they hide nothing."""
 SPARSE_QUANTILE, SPARSE_SPACING_SHARE = 0.9, 0.6
 """Light takes the cloud's spacing to be at least this share of this quantile of its points' spacings."""
 ONE_SET_MAX_SIDE = 600
@@ -101,7 +103,7 @@ def project_surfels(geometry: SurfelGeometry, detail: Detail | None, camera: Cam
 
 def rasterize(
     discs: native.Discs, neighbors: np.ndarray, shader: Shader, camera: Camera, out: np.ndarray,
-    textures: np.ndarray | None = None, colors_out: np.ndarray | None = None,
+    textures: np.ndarray | None = None, colors_out: np.ndarray | None = None, blending: native.Blending = BLENDING,
 ) -> None:  # fmt: skip
     """Draws shaded discs into `out` (9, H, W), the channels `RASTERIZED`; both cores take strips of it in turn.
 
@@ -120,7 +122,7 @@ def rasterize(
             rows = (strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS)
             for index, (values, layer) in enumerate(zip(features, layers, strict=True)):
                 texture = (textures, colors_out) if index == 0 else (None, None)
-                native.rasterize_surfels(discs, values, camera, BLENDING, camera.depth_range, layer, rows, *texture)
+                native.rasterize_surfels(discs, values, camera, blending, camera.depth_range, layer, rows, *texture)
             shader.shade_pixels(camera, rows, layers)
 
     parallel_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)

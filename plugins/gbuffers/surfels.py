@@ -38,6 +38,8 @@ from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 from z2p_core.surface.viewer_facing import face_viewer, line_direction
 from z2p_renderer.plugins.gbuffers._detail import Detail, DetailShader, visible_detail
 from z2p_renderer.plugins.gbuffers._drawing import (
+    BLENDING,
+    DETAIL_BLENDING,
     SeenPoints,
     SurfelGeometry,
     Texture,
@@ -182,8 +184,9 @@ class Surfels(GBuffer):
         shader = self.shader(field, scene)
         if detail is not None:
             shader = DetailShader(shader, detail, geometry.surface, field, seen.by_points, self.quality, camera)
+        blending = BLENDING if detail is None else DETAIL_BLENDING
         if albedo is None:
-            rasterize(discs, neighbors, shader, camera, out[RASTERIZED])
+            rasterize(discs, neighbors, shader, camera, out[RASTERIZED], blending=blending)
         else:
             sent = shader.total_albedo(albedo)
             radiance = textured_radiance(lit, bounced, sent, seen.by_points, seen.by_floor, self.quality)
@@ -191,7 +194,7 @@ class Surfels(GBuffer):
             own = albedo if detail is None or detail.albedo is None else detail.albedo
             values = (fill_holes(value, neighbors) for value in (own, *relative))
             textures = native.fit_disc_textures(discs, neighbors, *values)
-            rasterize(discs, neighbors, shader, camera, out[RASTERIZED], textures, colors_out)
+            rasterize(discs, neighbors, shader, camera, out[RASTERIZED], textures, colors_out, blending)
         shadow.result()
 
     def shader(self, light: LightField, scene: SceneDescription) -> MaterialShader:

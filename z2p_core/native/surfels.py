@@ -51,6 +51,7 @@ class RasterSettings(ctypes.Structure):
         ("blend_depth_radii", ctypes.c_float),
         ("coverage_gain", ctypes.c_float),
         ("full_weight", ctypes.c_float),
+        ("opaque_weight", ctypes.c_float),
         ("near_depth", ctypes.c_float),
         ("far_depth", ctypes.c_float),
     ]
@@ -233,11 +234,13 @@ class Blending:
         blend_depth_radii: discs this far behind the nearest one are still visible, in units of their own radius.
         coverage_gain: coverage is 1 - exp(-coverage_gain w).
         full_weight: density is w / full_weight, at most 1.
+        opaque_weight: where a disc's weight is less, near its rim, it hides nothing behind it.
     """
 
     blend_depth_radii: float
     coverage_gain: float
     full_weight: float
+    opaque_weight: float = 0.0
 
 
 def rasterize_surfels(
@@ -269,7 +272,8 @@ def rasterize_surfels(
     first, last = rows or (0, camera.height)
     settings = RasterSettings(
         camera.width, camera.height, first, last, camera.orthographic, *camera.focal_lengths, *camera.principal_point,
-        camera.near_plane, blending.blend_depth_radii, blending.coverage_gain, blending.full_weight, *depth_range,
+        camera.near_plane, blending.blend_depth_radii, blending.coverage_gain, blending.full_weight,
+        blending.opaque_weight, *depth_range,
     )  # fmt: skip
     size = (camera.height, camera.width)
     texture_values = colors = None

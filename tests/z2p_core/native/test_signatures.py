@@ -12,7 +12,7 @@ import pytest
 from point_shapes import sphere_of
 
 from z2p_core import native
-from z2p_core.native import library
+from z2p_core.native import balls, library  # noqa: F401 - the first declares its kernels when it is imported
 from z2p_core.native.library import FLOATS, SIGNATURES, Struct, call
 
 C_FILES = sorted((Path(library.__file__).parent / "c").glob("*/*.[ch]"))

@@ -26,7 +26,7 @@
 typedef struct {
     int width, height, first_row, last_row, orthographic;
     float focal_x, focal_y, center_x, center_y, near_plane;
-    float blend_depth_radii, coverage_gain, full_weight, near_depth, far_depth;
+    float blend_depth_radii, coverage_gain, full_weight, opaque_weight, near_depth, far_depth;
 } RasterSettings;
 
 /* Projects all surfels; returns how many discs may be visible, and the box of whole pixels, in samples, around them. */
@@ -53,11 +53,12 @@ INLINE int project_discs(const float *points, const float *normals, const float 
 }
 
 /* Depth test of a row: lowers nearest depths to the disc's where it covers a sample and no plane clips it. */
-INLINE void lower_nearest_depths(const Row *row, int plane_count, float *nearest) {
+INLINE void lower_nearest_depths(const Row *row, int plane_count, float opaque_weight, float *nearest) {
     Lanes x = first_lanes(row), depth, inside;
     Masks clipped;
     for (int i = row->left; i <= row->right; i += LANES, x += (float)LANES) {
         Masks passes = evaluate_row(row, plane_count, x, &depth, &inside, &clipped) & ~clipped;
+        passes &= inside > opaque_weight;
         Lanes known = load_lanes(nearest + i);
         passes &= depth < known;
         known = (Lanes)((passes & (Masks)depth) | (~passes & (Masks)known));
@@ -76,7 +77,8 @@ INLINE int is_occluded(const Disc *disc, const float *nearest, int stride, const
 
 /* First pass: writes the nearest depth of every sample of the box, beginning with the nearer half of the discs, and
  * removes occluded discs; returns how many are left. */
-INLINE int find_nearest_depths(Disc *discs, int disc_count, const Viewport *view, const Box *box, int stride,
+INLINE int find_nearest_depths(Disc *discs, int disc_count, float opaque_weight, const Viewport *view,
+                               const Box *box, int stride,
                                float *nearest) {
     float mean_depth = 0;
     Row row;
@@ -87,7 +89,7 @@ INLINE int find_nearest_depths(Disc *discs, int disc_count, const Viewport *view
             if ((disc->depth > mean_depth) != far_half || is_occluded(disc, nearest, stride, box)) continue;
             for (int y = disc->top; y < disc->bottom; y++)
                 if (intersect_row(disc, y, view, &row))
-                    lower_nearest_depths(&row, disc->plane_count,
+                    lower_nearest_depths(&row, disc->plane_count, opaque_weight,
                                          nearest + (size_t)(y - box->top) * stride - box->left);
         }
     int kept = 0;
@@ -203,7 +205,7 @@ INLINE void draw_discs(Disc *discs, int disc_count, const float *normals, const 
     int wide = box->right - box->left, width = settings->width;
     size_t plane = (size_t)width * settings->height;
     size_t band_sums = (size_t)stride * lines * BAND_PIXEL_ROWS * SAMPLES_PER_SIDE;
-    disc_count = find_nearest_depths(discs, disc_count, view, box, stride, nearest);
+    disc_count = find_nearest_depths(discs, disc_count, settings->opaque_weight, view, box, stride, nearest);
     for (int i = 0; textures && i < disc_count; i++)
         on_screen[i] = project_texture(discs + i, normals + 3 * (size_t)discs[i].point,
                                        textures + TEXTURE_VALUES * (size_t)discs[i].point, view);
