@@ -11,7 +11,11 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, Page
 
-REST = "panes.length && panes.every(one => !one.busy && !one.wanted && one.frame.dataset.quality === 'full')"
+REST = (
+    "typeof panes !== 'undefined' && panes.length "
+    "&& panes.every(one => !one.busy && !one.wanted && one.frame.dataset.quality === 'full')"
+)
+"""True once the page is loaded and all its pictures are the full ones."""
 
 
 @pytest.mark.slow
