@@ -22,18 +22,28 @@ typedef struct {
     float focal, merge_depth;
 } CellGrid;
 
+/* Projects the next points, at most BLOCK of `left`, to depths and cells, counted from the first of the grid's rows; as
+ * unsigned numbers, those of points outside of these rows are too large. Returns how many points there were. */
+INLINE int project_cells(const float *points, int64_t left, const float *camera, const CellGrid *grid, int32_t *cell,
+                         float *depth) {
+    int count = left < BLOCK ? (int)left : BLOCK;
+    project_block(points, count, camera, grid->focal, 0.5f * (float)grid->width, 0.5f * (float)grid->height,
+                  grid->width, grid->height, 0, cell, depth);
+    for (int i = 0; i < count; i++) cell[i] -= grid->first_row * grid->width;
+    return count;
+}
+
 /* Lowers the depths of the grid's rows (last - first, width) to those of the points in them. */
 INLINE void lower_depths(const float *points, int64_t count, const float *camera, const CellGrid *grid,
                          float *nearest) {
-    int32_t cell[BLOCK], begin = grid->first_row * grid->width, size = (grid->last_row - grid->first_row) * grid->width;
-    float depth[BLOCK], middle_x = 0.5f * (float)grid->width, middle_y = 0.5f * (float)grid->height;
+    int32_t cell[BLOCK];
+    uint32_t size = (uint32_t)((grid->last_row - grid->first_row) * grid->width);
+    float depth[BLOCK];
     for (int64_t first = 0; first < count; first += BLOCK) {
-        int block = count - first < BLOCK ? (int)(count - first) : BLOCK;
-        project_block(points + 3 * first, block, camera, grid->focal, middle_x, middle_y, grid->width, grid->height, 0,
-                      cell, depth);
+        int block = project_cells(points + 3 * first, count - first, camera, grid, cell, depth);
         for (int i = 0; i < block; i++) {
-            uint32_t at = (uint32_t)(cell[i] - begin);
-            if (at < (uint32_t)size && depth[i] < nearest[at]) nearest[at] = depth[i];
+            uint32_t at = (uint32_t)cell[i];
+            if (at < size && depth[i] < nearest[at]) nearest[at] = depth[i];
         }
     }
 }
@@ -42,15 +52,14 @@ INLINE void lower_depths(const float *points, int64_t count, const float *camera
  * NULL, to the sums of the grid's rows. */
 INLINE void add_points(const float *points, const float *values, int64_t count, const float *camera,
                        const CellGrid *grid, const float *nearest, CellSum *sums) {
-    int32_t cell[BLOCK], begin = grid->first_row * grid->width, size = (grid->last_row - grid->first_row) * grid->width;
-    float depth[BLOCK], middle_x = 0.5f * (float)grid->width, middle_y = 0.5f * (float)grid->height;
+    int32_t cell[BLOCK];
+    uint32_t size = (uint32_t)((grid->last_row - grid->first_row) * grid->width);
+    float depth[BLOCK];
     for (int64_t first = 0; first < count; first += BLOCK) {
-        int block = count - first < BLOCK ? (int)(count - first) : BLOCK;
-        project_block(points + 3 * first, block, camera, grid->focal, middle_x, middle_y, grid->width, grid->height, 0,
-                      cell, depth);
+        int block = project_cells(points + 3 * first, count - first, camera, grid, cell, depth);
         for (int i = 0; i < block; i++) {
-            uint32_t at = (uint32_t)(cell[i] - begin);
-            if (at >= (uint32_t)size || !(depth[i] <= nearest[at] + grid->merge_depth)) continue;
+            uint32_t at = (uint32_t)cell[i];
+            if (at >= size || !(depth[i] <= nearest[at] + grid->merge_depth)) continue;
             CellSum *sum = sums + at;
             const float *p = points + 3 * (first + i);
             for (int a = 0; a < 3; a++) sum->position[a] += (int64_t)(p[a] * UNITS_PER_LENGTH);
