@@ -36,6 +36,9 @@ MAX_RELIEF_TO_SPACING = 0.15
 NEIGHBORS_PER_NOISE = 150.0
 """Neighbors added for each spacing of noise beyond, until there are as many as in a sparse cloud."""
 
+ONE_JET_PIXELS = 1.0
+"""Spacing of a cloud, in pixels, below which curved patches are fitted only once, as they are hardly a pixel wide."""
+
 
 @dataclass(frozen=True)
 class Detail:
@@ -59,7 +62,7 @@ def visible_detail(
     So are those of clouds that are not dense, and in views by cameras elsewhere than weights know them. `surface` has
     the points of the cloud that are lit, `spacing` is their median spacing.
     """
-    if len(cloud) <= MAX_SURFACE_POINTS or not _is_usual(camera):
+    if not shows_detail(cloud, camera):
         return None
     own_spacing = spacing * math.sqrt(len(surface.points) / len(cloud))
     has_own_colors = colors is not None and np.array_equal(colors.points, cloud)
@@ -68,13 +71,19 @@ def visible_detail(
     if not len(merged.points):  # all of it lies beside the image
         return None
     grid = native.ScreenGrid(merged.points, camera)
-    shown = estimate_surface(merged.points, False, count_patch_neighbors, grid)
+    jets = 1 if own_spacing < ONE_JET_PIXELS * DISTANCE / camera.focal else 2
+    shown = estimate_surface(merged.points, False, count_patch_neighbors, grid, jets)
     surfels, radii = make_surfels(shown, max(float(np.median(shown.spacing)), MIN_SPACING))
     if merged.values is not None and shown.grid is grid:
         return Detail(shown, surfels, radii, merged.values[grid.order])
     if merged.values is not None:
         colors = PointColors(merged.points, merged.values)
     return Detail(shown, surfels, radii, None if colors is None else surface_albedo(shown, colors))
+
+
+def shows_detail(cloud: np.ndarray, camera: Camera) -> bool:
+    """Whether an image shows more of a cloud (N, 3) than the points that are lit."""
+    return len(cloud) > MAX_SURFACE_POINTS and _is_usual(camera)
 
 
 def count_patch_neighbors(noise: float) -> int:

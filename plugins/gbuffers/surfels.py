@@ -36,7 +36,7 @@ from z2p_core.shading.textured_light import surface_albedo, textured_radiance
 from z2p_core.surface.normals import SurfacePoints, estimate_surface
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 from z2p_core.surface.viewer_facing import face_viewer, line_direction
-from z2p_renderer.plugins.gbuffers._detail import Detail, DetailShader, visible_detail
+from z2p_renderer.plugins.gbuffers._detail import Detail, DetailShader, shows_detail, visible_detail
 from z2p_renderer.plugins.gbuffers._drawing import (
     BLENDING,
     DETAIL_BLENDING,
@@ -121,7 +121,7 @@ class Surfels(GBuffer):
             out.fill(0)
             return
         quality = self.quality
-        surface, spacing = self.estimate(cloud)
+        surface, spacing = self.estimate(cloud, not shows_detail(cloud, camera))
         floor_height = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
         normals = face_viewer(surface.points, surface.normals, camera.position)
         lit = light_scene(surface, normals, spacing, scene, floor_height)
@@ -142,14 +142,15 @@ class Surfels(GBuffer):
         self.draw_lit(out, geometry, detail, discs, field, seen, camera, scene, albedo, None if texture is None else
                       texture.relative)  # fmt: skip
 
-    def estimate(self, cloud: np.ndarray) -> tuple[SurfacePoints, float]:
-        """The surface of a cloud (N, 3), N >= 1, and its median spacing."""
-        surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), self.quality.use_normal_gnn)
+    def estimate(self, cloud: np.ndarray, is_drawn: bool = True) -> tuple[SurfacePoints, float]:
+        """The surface of a cloud (N, 3), N >= 1, and its median spacing; coarser normals do where it is only lit."""
+        use_normal_gnn = self.quality.use_normal_gnn and is_drawn
+        surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), use_normal_gnn)
         return surface, max(float(np.median(surface.spacing)), MIN_SPACING)
 
     def make_geometry(self, cloud: np.ndarray) -> SurfelGeometry:
         """All of a cloud (N, 3), N >= 1, that depends neither on the camera nor on the light."""
-        surface, spacing = self.estimate(cloud)
+        surface, spacing = self.estimate(cloud, len(cloud) <= MAX_SURFACE_POINTS)
         return SurfelGeometry(surface, spacing, *make_surfels(surface, spacing))
 
     def casters(self, geometry: SurfelGeometry, spacing: float) -> native.ShadowCasters:

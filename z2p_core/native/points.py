@@ -32,6 +32,9 @@ from z2p_core.parallel import parallel_rows
 MAX_BAND_CELLS = 1 << 21
 """Cells of an image whose points are merged at a time, so that their sums take about 120 MB a core."""
 
+WALK = 256
+"""Positions in a row that are found from each other (`c/points/neighbor_grid.c`)."""
+
 
 class CellGrid(ctypes.Structure):
     """The C structure of that name (`c/points/visible_cells.c`)."""
@@ -53,6 +56,10 @@ declare(
     neighbors=INTS_OUT, spacing=FLOATS_OUT,
 )  # fmt: skip
 declare("z2p_grid_nearest", grid=Handle("const Grid*"), positions=FLOATS, count=INT, nearest=INTS_OUT)
+declare(
+    "z2p_grid_nearest_by_walk", grid=Handle("const Grid*"), neighbors=INTS, neighbor_count=INT, positions=FLOATS,
+    begin=INT, end=INT, nearest=INTS_OUT,
+)  # fmt: skip
 declare(
     "z2p_fit_planes", points=FLOATS, neighbors=INTS, count=INT, neighbor_count=INT, normals=FLOATS_OUT,
     spread=FLOATS_OUT,
@@ -214,6 +221,21 @@ class NeighborGrid:
             call("z2p_grid_nearest", self._handle, positions[begin:end], end - begin, nearest[begin:end])
 
         parallel_rows(find, len(positions))
+        return nearest
+
+    def nearest_by_walk(self, positions: np.ndarray, neighbors: np.ndarray) -> np.ndarray:
+        """Indices (M,) int32 of the points nearest to positions (M, 3), of which most lie near the one before.
+
+        Nearly all are those of `nearest_to_positions`, in a fraction of its time. `neighbors` (N, K) are the points'.
+        """
+        positions, neighbors = as_float32(positions), np.ascontiguousarray(neighbors, np.int32)
+        nearest, blocks = np.empty(len(positions), np.int32), -(-len(positions) // WALK)
+
+        def find(first: int, last: int) -> None:
+            rows = (first * WALK, min(last * WALK, len(positions)))
+            call("z2p_grid_nearest_by_walk", self._handle, neighbors, neighbors.shape[1], positions, *rows, nearest)
+
+        parallel_rows(find, blocks, smallest=2)
         return nearest
 
     def _nearest(self, positions: np.ndarray, query_indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

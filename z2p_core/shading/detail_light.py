@@ -77,7 +77,7 @@ def transfer_light(
         camera: the image's.
     """
     scene, positions = light.scene, shown.points
-    nearest = lit.grid.nearest_to_positions(positions)
+    nearest = lit.grid.nearest_by_walk(positions, lit.neighbors)
     neighbors = np.ascontiguousarray(lit.neighbors[:, :LIGHT_NEIGHBORS])[nearest]
     place = DetailLight(positions, normals, neighbors, scene.points, scene.normals, np.empty(0, np.float32))
     samples = area_light_samples(scene.light, POINT_LIGHT_SAMPLES)

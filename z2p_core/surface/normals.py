@@ -92,7 +92,7 @@ class LocalFit:
 
 def estimate_surface(
     cloud: np.ndarray, use_normal_gnn: bool = True, count_neighbors: Callable[[float], int] = neighbor_count,
-    grid: Neighborhoods | None = None,
+    grid: Neighborhoods | None = None, jet_iterations: int = JET_ITERATIONS,
 ) -> SurfacePoints:  # fmt: skip
     """Points, spacing and normals of the surface that a cloud (N, 3) samples, N >= 1.
 
@@ -101,8 +101,9 @@ def estimate_surface(
         use_normal_gnn: refine normals by the graph network and move points onto their patches; else points stay.
         count_neighbors: how many neighbors patches are fitted to, for noise in spacings.
         grid: that of the cloud, if there is one; its points are those of the surface.
+        jet_iterations: times that a curved patch is fitted.
     """
-    fit, subsamplings = fit_local_patches(cloud, count_neighbors, grid), 0
+    fit, subsamplings = fit_local_patches(cloud, count_neighbors, grid, jet_iterations), 0
     while len(cloud) >= 3 * MIN_KEPT_POINTS and noise_exceeds_patch(fit):
         subsamplings += 1
         cloud = subsample_hashed(cloud, len(cloud) // 3, subsamplings * RESUBSAMPLE_SALT & 0xFFFFFFFF)
@@ -126,7 +127,8 @@ def noise_exceeds_patch(fit: LocalFit) -> bool:
 
 
 def fit_local_patches(
-    cloud: np.ndarray, count_neighbors: Callable[[float], int] = neighbor_count, grid: Neighborhoods | None = None
+    cloud: np.ndarray, count_neighbors: Callable[[float], int] = neighbor_count, grid: Neighborhoods | None = None,
+    jet_iterations: int = JET_ITERATIONS,
 ) -> LocalFit:  # fmt: skip
     """Tangent planes, then jets, of a cloud (N, 3), N >= 1; see `estimate_surface`."""
     grid = grid or native.NeighborGrid(cloud)
@@ -136,15 +138,16 @@ def fit_local_patches(
     noise = measure_noise(grid, probes, neighbors, median)
     count = count_neighbors(noise / median)
     all_indices = np.arange(len(grid.points), dtype=np.int32)
-    neighbors, spacing = grid.neighbors(all_indices, count)
+    all_neighbors, spacing = grid.neighbors(all_indices, max(count, MIN_NEIGHBORS))
+    neighbors = np.ascontiguousarray(all_neighbors[:, :count])
     median = max(float(np.median(spacing)), 1e-9)
     normals, _ = native.fit_planes(grid.points, neighbors)
     widening = np.float32(math.sqrt(count / MIN_NEIGHBORS))
     tolerance = PLANE_TOLERANCE_SPACINGS * widening * spacing + np.float32(PLANE_TOLERANCE_SIGMAS * noise)
-    for _ in range(JET_ITERATIONS):
+    for _ in range(jet_iterations):
         normals, _ = native.fit_jets(grid.points, normals, all_indices, neighbors, tolerance, widening * spacing)
     scale = widening * np.maximum(spacing, np.float32(MIN_SCALE_TO_SPACING * median))
-    return LocalFit(grid, neighbors, spacing, normals, scale, median, noise)
+    return LocalFit(grid, all_neighbors, spacing, normals, scale, median, noise)
 
 
 def project_to_patches(points: np.ndarray, patches: np.ndarray, spacing: np.ndarray, noise: float) -> np.ndarray:

@@ -76,3 +76,12 @@ def test_points_that_are_not_finite_are_refused(recwarn: pytest.WarningsRecorder
         native.NeighborGrid(np.full((3, 3), np.nan, np.float32))
     gc.collect()
     assert not [warning for warning in recwarn if issubclass(warning.category, pytest.PytestUnraisableExceptionWarning)]
+
+
+def test_nearly_all_nearest_points_are_found_by_a_walk() -> None:
+    points = sphere_of(3000)
+    grid = native.NeighborGrid(np.concatenate([points, 0.97 * points]).astype(np.float32))
+    neighbors, _ = grid.neighbors(np.arange(6000, dtype=np.int32), 16)
+    positions = grid.points + np.random.default_rng(3).normal(0, 0.01, grid.points.shape).astype(np.float32)
+    walked, nearest = grid.nearest_by_walk(positions, neighbors), grid.nearest_to_positions(positions)
+    assert (walked == nearest).mean() > 0.97

@@ -14,6 +14,8 @@
 #define DIRECTIONS 8        /* on the screen, in which the horizon is searched */
 #define STEPS 5             /* in each of them */
 #define STEP_GROWTH 1.7f    /* of a step's distance over that of the one before */
+#define MIN_STEP 0.7f       /* in cells: shorter steps hardly leave the own cell */
+#define BATCH 16            /* points whose horizons are searched at a time */
 #define SKY_BIAS 0.12f      /* sine of an elevation below which a neighbor hides nothing: noise */
 #define LIGHT_HALF_SINE 0.12f /* of the elevations over which an area light sets */
 
@@ -44,49 +46,104 @@ FAST int z2p_index_screen(const float *points, int count, const FineScreen *scre
     return 1;
 }
 
-/* Sine of the highest elevation over a point's tangent plane at which neighbors lie in one direction (x, y) on the
- * screen. Those count less the farther away they are. */
-INLINE float horizon(const float *points, const float *p, const float *n, const int *index, const FineScreen *screen,
-                     float x, float y) {
-    float cells = screen->radius * screen->focal / p[2], step = cells, highest = -1, reach = 2.25f * screen->radius * screen->radius;
-    float column = p[0] * screen->focal / p[2] + 0.5f * (float)screen->width;
-    float row = p[1] * screen->focal / p[2] + 0.5f * (float)screen->height;
-    for (int k = 0; k < STEPS && step >= 0.7f; k++, step /= STEP_GROWTH) {
-        float u = column + step * x, v = row + step * y;
-        if (!(u >= 0 && v >= 0 && u < (float)screen->width && v < (float)screen->height)) continue;
-        int other = index[(int)v * screen->width + (int)u];
-        if (other < 0) continue;
-        const float *q = points + 3 * (size_t)other;
-        float offset[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]}, square = dot(offset, offset);
-        if (!(square > 1e-12f && square < reach)) continue;
-        float sine = dot(n, offset) / sqrtf(square) * (1 - square / reach);
-        highest = larger(highest, sine);
+/* Points whose horizons are searched at a time, one in each lane: positions, normals and places on the screen. */
+typedef struct {
+    float p[3][BATCH], n[3][BATCH], column[BATCH], row[BATCH], reach[BATCH];
+} Batch;
+
+/* Loads points from `first` on, the last of them, at `last`, in the lanes that are left. */
+INLINE void load_batch(Batch *batch, const float *points, const float *normals, int first, int last,
+                       const FineScreen *screen) {
+    for (int i = 0; i < BATCH; i++) {
+        size_t at = 3 * (size_t)(first + i < last ? first + i : last);
+        for (int a = 0; a < 3; a++) {
+            batch->p[a][i] = points[at + a];
+            batch->n[a][i] = normals[at + a];
+        }
+        float scale = screen->focal / batch->p[2][i];
+        batch->column[i] = batch->p[0][i] * scale + 0.5f * (float)screen->width;
+        batch->row[i] = batch->p[1][i] * scale + 0.5f * (float)screen->height;
+        batch->reach[i] = screen->radius * scale;
     }
-    return highest;
+}
+
+/* Sines of the highest elevations over the points' tangent planes at which neighbors lie in directions (x, y) on the
+ * screen. Those count less the farther away they are. */
+INLINE void find_horizons(const Batch *batch, const float *points, const int *index, const FineScreen *screen,
+                          const float *x, const float *y, float *highest) {
+    float width = (float)screen->width, height = (float)screen->height, share = 1;
+    float reach = 2.25f * screen->radius * screen->radius, inverse_reach = 1 / reach;
+    for (int i = 0; i < BATCH; i++) highest[i] = -1;
+    for (int k = 0; k < STEPS; k++, share /= STEP_GROWTH) {
+        int other[BATCH];
+        for (int i = 0; i < BATCH; i++) {
+            float step = batch->reach[i] * share, u = batch->column[i] + step * x[i], v = batch->row[i] + step * y[i];
+            int inside = (step >= MIN_STEP) & (u >= 0) & (v >= 0) & (u < width) & (v < height);
+            int cell = inside ? (int)v * screen->width + (int)u : 0, found = index[cell];
+            other[i] = inside ? found : -1;
+        }
+        for (int i = 0; i < BATCH; i++) {
+            const float *q = points + 3 * (size_t)(other[i] < 0 ? 0 : other[i]);
+            float dx = q[0] - batch->p[0][i], dy = q[1] - batch->p[1][i], dz = q[2] - batch->p[2][i];
+            float square = dx * dx + dy * dy + dz * dz;
+            float along = dx * batch->n[0][i] + dy * batch->n[1][i] + dz * batch->n[2][i];
+            float sine = along / sqrtf(larger(square, 1e-12f)) * (1 - square * inverse_reach);
+            int counts = (other[i] >= 0) & (square > 1e-12f) & (square < reach);
+            highest[i] = counts ? larger(highest[i], sine) : highest[i];
+        }
+    }
+}
+
+/* Share of a light at this position (3) that near neighbors of the points leave visible. */
+INLINE void find_direct(const Batch *batch, const float *points, const int *index, const FineScreen *screen,
+                        const float *light, float *direct) {
+    float x[BATCH], y[BATCH], elevation[BATCH], sine[BATCH], length[BATCH];
+    for (int i = 0; i < BATCH; i++) {
+        float px = batch->p[0][i], py = batch->p[1][i], pz = batch->p[2][i];
+        float rx = light[0] - px, ry = light[1] - py, rz = light[2] - pz;
+        float scale = 1 / sqrtf(rx * rx + ry * ry + rz * rz);
+        rx *= scale; ry *= scale; rz *= scale;
+        elevation[i] = rx * batch->n[0][i] + ry * batch->n[1][i] + rz * batch->n[2][i];
+        x[i] = rx - rz * px / pz; /* the direction on the screen in which a step towards the light goes */
+        y[i] = ry - rz * py / pz;
+        length[i] = sqrtf(x[i] * x[i] + y[i] * y[i]);
+        float inverse = 1 / larger(length[i], 1e-6f);
+        x[i] *= inverse; y[i] *= inverse;
+    }
+    find_horizons(batch, points, index, screen, x, y, sine);
+    for (int i = 0; i < BATCH; i++) {
+        float clear = (elevation[i] - larger(sine[i], 0)) / (2 * LIGHT_HALF_SINE) + 0.5f;
+        int hides = (sine[i] > SKY_BIAS) & (length[i] >= 1e-3f);
+        direct[i] = hides ? smaller(larger(clear, 0), 1) : 1;
+    }
 }
 
 /* Writes for the points [begin, end): sky (count), the share of a diffuse surface's sky that near neighbors leave
  * visible, and direct (count), that of a light at this position (3). */
 FAST int z2p_fine_occlusion(const float *points, const float *normals, int begin, int end, const int *index,
                             const FineScreen *screen, const float *light, float *sky, float *direct) {
-    for (int i = begin; i < end; i++) {
-        const float *p = points + 3 * (size_t)i, *n = normals + 3 * (size_t)i;
-        float hidden = 0;
+    for (int first = begin; first < end; first += BATCH) {
+        Batch batch;
+        float hidden[BATCH] = {0}, clear[BATCH], sine[BATCH], x[BATCH], y[BATCH];
+        int size = end - first < BATCH ? end - first : BATCH;
+        load_batch(&batch, points, normals, first, end - 1, screen);
         for (int d = 0; d < DIRECTIONS; d++) {
-            float angle = 2 * PI * (float)d / DIRECTIONS;
-            float sine = (horizon(points, p, n, index, screen, cosf(angle), sinf(angle)) - SKY_BIAS) / (1 - SKY_BIAS);
-            hidden += sine > 0 ? sine * sine : 0;
+            float angle = 2 * PI * (float)d / DIRECTIONS, cosine = cosf(angle), sine_of_angle = sinf(angle);
+            for (int i = 0; i < BATCH; i++) {
+                x[i] = cosine;
+                y[i] = sine_of_angle;
+            }
+            find_horizons(&batch, points, index, screen, x, y, sine);
+            for (int i = 0; i < BATCH; i++) {
+                float over = larger(sine[i] - SKY_BIAS, 0) / (1 - SKY_BIAS);
+                hidden[i] += over * over;
+            }
         }
-        sky[i] = 1 - hidden / DIRECTIONS;
-        float ray[3] = {light[0] - p[0], light[1] - p[1], light[2] - p[2]};
-        normalize(ray);
-        /* the direction on the screen in which a step towards the light goes */
-        float x = ray[0] - ray[2] * p[0] / p[2], y = ray[1] - ray[2] * p[1] / p[2], length = sqrtf(x * x + y * y);
-        direct[i] = 1;
-        if (length < 1e-3f) continue;
-        float sine = larger(horizon(points, p, n, index, screen, x / length, y / length), 0);
-        float clear = (dot(n, ray) - sine) / (2 * LIGHT_HALF_SINE) + 0.5f;
-        direct[i] = sine > SKY_BIAS ? smaller(larger(clear, 0), 1) : 1;
+        find_direct(&batch, points, index, screen, light, clear);
+        for (int i = 0; i < size; i++) {
+            sky[first + i] = 1 - hidden[i] / DIRECTIONS;
+            direct[first + i] = clear[i];
+        }
     }
     return 1;
 }

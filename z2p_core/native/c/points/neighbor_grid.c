@@ -24,6 +24,8 @@
 #define MAX_LEAF_POINTS 16
 #define MAX_TREE_DEPTH 32
 #define MAX_CANDIDATES 256   /* points that are collected before only the nearest ones are kept */
+#define WALK 256             /* positions in a row that are found from each other */
+#define WALK_END_CELLS 0.5f  /* distance from the found point, in cells, beyond which it may be on another sheet */
 #define SPACING_NEIGHBORS 12 /* nearest points from whose distance the spacing is estimated */
 
 INLINE int clamp_int(int value, int low, int high) { return value < low ? low : value > high ? high : value; }
@@ -345,6 +347,43 @@ int z2p_grid_nearest(const Grid *grid, const float *positions, int count, int *n
         Nearest found = {.max_count = 1};
         nearest[i] = grid->splits ? -1 : find_equal(grid, positions + 3 * (size_t)i);
         if (nearest[i] >= 0) continue;
+        find_nearest(grid, positions, i, &found);
+        nearest[i] = found.indices[0];
+    }
+    return 1;
+}
+
+/* Squared distance of a point of the grid from p. */
+INLINE float point_distance_sq(const Grid *grid, int point, const float *p) {
+    float d[3] = {grid->x[point] - p[0], grid->y[point] - p[1], grid->z[point] - p[2]};
+    return dot(d, d);
+}
+
+/* As z2p_grid_nearest, for positions [begin, end) of which most lie near the one before: the search goes from the last
+ * one's nearest point along neighbors (points of the grid, neighbor_count) as long as these lie nearer, and starts anew
+ * every WALK positions, and where it ends far away. A few points are not the very nearest. */
+FAST int z2p_grid_nearest_by_walk(const Grid *grid, const int *neighbors, int neighbor_count, const float *positions,
+                                  int begin, int end, int *nearest) {
+    float farthest = WALK_END_CELLS * grid->cell_size, farthest_sq = farthest * farthest;
+    for (int i = begin; i < end; i++) {
+        const float *p = positions + 3 * (size_t)i;
+        float least = INFINITY;
+        if (i % WALK) {
+            int at = nearest[i - 1], before;
+            least = point_distance_sq(grid, at, p);
+            do {
+                const int *row = neighbors + (size_t)at * neighbor_count;
+                before = at;
+                for (int j = 1; j < neighbor_count; j++) {
+                    float square = point_distance_sq(grid, row[j], p);
+                    at = square < least ? row[j] : at;
+                    least = smaller(square, least);
+                }
+            } while (at != before);
+            nearest[i] = at;
+        }
+        if (least <= farthest_sq) continue;
+        Nearest found = {.max_count = 1};
         find_nearest(grid, positions, i, &found);
         nearest[i] = found.indices[0];
     }
