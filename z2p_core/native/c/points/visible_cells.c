@@ -12,7 +12,7 @@
 
 /* Sums over the points of a cell. */
 typedef struct {
-    int64_t position[3], value[3], count;
+    int64_t position[3], count;
 } CellSum;
 
 /* The grid of cells: size, focal length in cells, and its rows [first, last) that are filled. Mirrored by
@@ -48,10 +48,34 @@ INLINE void lower_depths(const float *points, int64_t count, const float *camera
     }
 }
 
-/* Adds the points that lie at most merge_depth behind the nearest one of their cell, and their values unless these are
- * NULL, to the sums of the grid's rows. */
+/* Numbers the cells that are shown, row by row, in `number` (cells), and returns how many there are. Those without a
+ * point, or whose nearest point lies behind the front at their place, get a depth of -INFINITY, so that no point counts
+ * there: front (front_height, front_width) has square cells, each `per_front` of these cells wide. */
+INLINE int number_cells(float *nearest, const CellGrid *grid, const float *front, int front_width, int front_height,
+                        float per_front, int *number) {
+    int shown = 0;
+    float scale = 1 / per_front;
+    for (int y = grid->first_row; y < grid->last_row; y++) {
+        int row = (int)(((float)y + 0.5f) * scale);
+        const float *limits = front + (size_t)(row < front_height ? row : front_height - 1) * front_width;
+        for (int x = 0; x < grid->width; x++) {
+            size_t at = (size_t)(y - grid->first_row) * grid->width + x;
+            int column = (int)(((float)x + 0.5f) * scale);
+            float limit = limits[column < front_width ? column : front_width - 1];
+            int is_shown = nearest[at] < INFINITY && nearest[at] <= limit;
+            if (!is_shown) nearest[at] = -INFINITY;
+            number[at] = shown;
+            shown += is_shown;
+        }
+    }
+    return shown;
+}
+
+/* Adds the points that lie at most merge_depth behind the nearest one of their cell to the sums of the cell's number,
+ * and their values unless these are NULL to value_sums (shown, 3). */
 INLINE void add_points(const float *points, const float *values, int64_t count, const float *camera,
-                       const CellGrid *grid, const float *nearest, CellSum *sums) {
+                       const CellGrid *grid, const float *nearest, const int *number, CellSum *sums,
+                       int64_t *value_sums) {
     int32_t cell[BLOCK];
     uint32_t size = (uint32_t)((grid->last_row - grid->first_row) * grid->width);
     float depth[BLOCK];
@@ -60,40 +84,27 @@ INLINE void add_points(const float *points, const float *values, int64_t count, 
         for (int i = 0; i < block; i++) {
             uint32_t at = (uint32_t)cell[i];
             if (at >= size || !(depth[i] <= nearest[at] + grid->merge_depth)) continue;
-            CellSum *sum = sums + at;
+            CellSum *sum = sums + number[at];
             const float *p = points + 3 * (first + i);
             for (int a = 0; a < 3; a++) sum->position[a] += (int64_t)(p[a] * UNITS_PER_LENGTH);
             sum->count++;
-            if (!values) continue;
-            for (int c = 0; c < 3; c++) sum->value[c] += (int64_t)(values[3 * (first + i) + c] * UNITS_PER_LENGTH);
+            int64_t *value = values ? value_sums + 3 * (size_t)number[at] : NULL;
+            for (int c = 0; value && c < 3; c++)
+                value[c] += (int64_t)(values[3 * (first + i) + c] * UNITS_PER_LENGTH);
         }
     }
 }
 
-/* Writes the means of the cells that hold points, row by row, to merged (.., 3), merged_values (.., 3) and numbers;
- * returns how many there are. Cells whose nearest point lies behind the front at their place are left out: front
- * (front_height, front_width) has square cells, each `per_front` of these cells wide. */
-INLINE int64_t write_means(const CellSum *sums, const float *nearest, const CellGrid *grid, const float *front,
-                           int front_width, int front_height, float per_front, int has_values, float *merged,
-                           float *merged_values, float *numbers) {
-    int64_t kept = 0;
-    float scale = 1 / per_front;
-    for (int y = grid->first_row; y < grid->last_row; y++) {
-        int row = (int)(((float)y + 0.5f) * scale);
-        const float *limits = front + (size_t)(row < front_height ? row : front_height - 1) * front_width;
-        for (int x = 0; x < grid->width; x++) {
-            size_t at = (size_t)(y - grid->first_row) * grid->width + x;
-            const CellSum *sum = sums + at;
-            int column = (int)(((float)x + 0.5f) * scale);
-            if (!sum->count || nearest[at] > limits[column < front_width ? column : front_width - 1]) continue;
-            double per_point = 1 / ((double)UNITS_PER_LENGTH * (double)sum->count);
-            for (int a = 0; a < 3; a++) merged[3 * kept + a] = (float)((double)sum->position[a] * per_point);
-            for (int c = 0; has_values && c < 3; c++)
-                merged_values[3 * kept + c] = (float)((double)sum->value[c] * per_point);
-            numbers[kept++] = (float)sum->count;
-        }
+/* Writes the means of the cells that are shown to merged (shown, 3), merged_values (shown, 3) and numbers (shown). */
+INLINE void write_means(const CellSum *sums, const int64_t *value_sums, int shown, int has_values, float *merged,
+                        float *merged_values, float *numbers) {
+    for (size_t i = 0; i < (size_t)shown; i++) {
+        double per_point = 1 / ((double)UNITS_PER_LENGTH * (double)sums[i].count);
+        for (int a = 0; a < 3; a++) merged[3 * i + a] = (float)((double)sums[i].position[a] * per_point);
+        for (int c = 0; has_values && c < 3; c++)
+            merged_values[3 * i + c] = (float)((double)value_sums[3 * i + c] * per_point);
+        numbers[i] = (float)sums[i].count;
     }
-    return kept;
 }
 
 /* Merges the points (count, 3) that are visible in rows [first_row, last_row) of a grid of cells, see above, and values
@@ -105,15 +116,22 @@ FAST int z2p_merge_visible(const float *points, const float *values, int64_t cou
                            float *merged, float *merged_values, float *numbers, int64_t *merged_count) {
     size_t cells = (size_t)(grid->last_row - grid->first_row) * grid->width;
     float *nearest = malloc(sizeof(float) * (cells + 1));
-    CellSum *sums = calloc(cells + 1, sizeof(CellSum));
-    int allocated = nearest && sums;
-    for (size_t i = 0; allocated && i < cells; i++) nearest[i] = INFINITY;
-    if (allocated) {
+    int *number = malloc(sizeof(int) * (cells + 1));
+    CellSum *sums = NULL;
+    int64_t *value_sums = NULL;
+    if (nearest && number) {
+        for (size_t i = 0; i < cells; i++) nearest[i] = INFINITY;
         lower_depths(points, count, camera, grid, nearest);
-        add_points(points, values, count, camera, grid, nearest, sums);
-        *merged_count = write_means(sums, nearest, grid, front, front_width, front_height, per_front, values != NULL,
-                                    merged, merged_values, numbers);
+        int shown = number_cells(nearest, grid, front, front_width, front_height, per_front, number);
+        sums = calloc((size_t)shown + 1, sizeof(CellSum));
+        value_sums = calloc(values ? 3 * (size_t)shown + 1 : 1, sizeof(int64_t));
+        if (sums && value_sums) {
+            add_points(points, values, count, camera, grid, nearest, number, sums, value_sums);
+            write_means(sums, value_sums, shown, values != NULL, merged, merged_values, numbers);
+            *merged_count = shown;
+        }
     }
-    free(nearest); free(sums);
+    int allocated = sums && value_sums;
+    free(nearest); free(number); free(sums); free(value_sums);
     return allocated;
 }
