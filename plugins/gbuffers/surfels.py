@@ -144,8 +144,11 @@ class Surfels(GBuffer):
 
     def estimate(self, cloud: np.ndarray, is_drawn: bool = True) -> tuple[SurfacePoints, float]:
         """The surface of a cloud (N, 3), N >= 1, and its median spacing; coarser normals do where it is only lit."""
-        use_normal_gnn = self.quality.use_normal_gnn and is_drawn
-        surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), use_normal_gnn)
+        points = subsample_hashed(cloud, MAX_SURFACE_POINTS)
+        if is_drawn:
+            surface = estimate_surface(points, self.quality.use_normal_gnn)
+        else:
+            surface = estimate_surface(points, use_normal_gnn=False, jet_iterations=1)
         return surface, max(float(np.median(surface.spacing)), MIN_SPACING)
 
     def make_geometry(self, cloud: np.ndarray) -> SurfelGeometry:
