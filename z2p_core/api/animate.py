@@ -40,7 +40,7 @@ def animate(
 ) -> Path:
     """The path, once a film of the points is written there: WebP, GIF, APNG or, with the extra 'video', MP4.
 
-    One cloud turns once around, or its light moves. Several clouds are one film: a series in which one follows the
+    One cloud turns once around, or its light moves, or both. Several clouds are one film: a series in which one follows the
     other (a training run, a diffusion process, a moving scan), or a table of turntables side by side. What could jump
     in a series is chosen once for all of it: camera, scale, floor, weights, resolution of the network, scale of colors.
 
@@ -51,7 +51,8 @@ def animate(
         arrange: of several clouds: ``series``, or ``table``: each turns in a cell of its own.
         frames: number of frames of a turn, 2 to 720. None: 48. A series has `hold` and `blend` instead.
         fps: frames per second, 1 to 60; a GIF has at most 50.
-        motion: ``turn`` or ``light``, for one cloud or a table.
+        motion: ``turn``; ``orbit``: the light turns too, as if the camera went around; or ``light``: only the light
+            moves. For one cloud or a table.
         hold: frames that show each cloud of a series itself.
         blend: frames between one cloud of a series and the next.
         blend_by: ``points`` (each moves to the one of the same number), ``pictures`` (they fade), or ``auto``: points
@@ -68,7 +69,7 @@ def animate(
     """
     film = FilmRequest(
         _choice("arrange", arrange, ("series", "table")), _whole("frames", frames or DEFAULT_FRAMES, 2, 720),
-        _number("fps", fps, 1, 60), _choice("motion", motion, ("turn", "light")), _whole("hold", hold, 1, 1000),
+        _number("fps", fps, 1, 60), _choice("motion", motion, ("turn", "orbit", "light")), _whole("hold", hold, 1, 1000),
         _whole("blend", blend, 0, 240), _choice("blend_by", blend_by, ("auto", "points", "pictures")),
         _number("turns", turns, -100, 100), bool(loop), _index(reference), on_frame,
     )  # fmt: skip
