@@ -43,7 +43,7 @@ def animate(
 
     One cloud turns once around, or its light moves, or both. Several clouds are one film: a series in which one follows
     the other (a training run, a diffusion process, a moving scan), or a table of turntables side by side. What could
-    jump in a series is chosen once for all of it: camera, scale, floor, weights, resolution of the network, scale of colors.
+    jump in a series is chosen once for all of it: camera, scale, floor, weights, network's resolution, scale of colors.
 
     Args:
         points: as for `z2p_core.render`, one cloud or a batch (B, N, 3); or a list of paths of files.
