@@ -136,9 +136,14 @@ class World:
 
     def manifest(self, name: str) -> Path:
         """Manifest of a step's result under the present settings."""
+        return self.manifests()[name]
+
+    def manifests(self) -> dict[str, Path]:
+        """Step -> manifest of its result under the present settings."""
         rows = json.loads(self.workflows("status", "--json", *self.options).stdout)
-        row = next(row for row in rows if row["step"] == name)
-        return self.workspace / row["stage"] / row["fingerprint"][:32] / "manifest.json"
+        return {
+            row["step"]: self.workspace / row["stage"] / row["fingerprint"][:32] / "manifest.json" for row in rows
+        }
 
     def digests(self) -> dict[str, str]:
         """File of a result -> its digest; without those that tell how long something took."""
