@@ -75,6 +75,8 @@ class RenderedScan:
     """Row and column of the frame at which the picture begins, if it was trimmed."""
     bounds: Bounds | None = None
     """Lowest and highest coordinates of the drawn points, in the data's units; None where no axes are drawn."""
+    cloud: np.ndarray = field(default_factory=partial(np.empty, (0, 3), np.float32))
+    """The points (N, 3) float32 that were drawn, in world units, the margin included."""
 
     def annotations(self, look: Look) -> Annotations:
         """What is drawn onto the picture and beside it."""
@@ -133,7 +135,7 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     bounds = _data_bounds(placed) if look.marks.axes else None
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
                         isinstance(renderer, AutoRenderer), coloring, placed.pinhole, placed.unfamiliar,
-                        passes, pass_camera, (top, left), bounds).annotated(look)  # fmt: skip
+                        passes, pass_camera, (top, left), bounds, cloud).annotated(look)  # fmt: skip
 
 
 def _data_bounds(placed: PlacedCloud) -> Bounds:
