@@ -71,6 +71,8 @@ class World:
         self.root = root
         self.code = root / "code"
         self.workspace = root / "runs"
+        self.cache = root.parent / "cache"
+        """What stands for the user's cache folder; worlds beside each other share it."""
         self.scheduler: int | None = None
         """Port of a luigid; None for the local scheduler."""
         self.scheduler_address = "127.0.0.1"
@@ -88,7 +90,8 @@ class World:
     def environment(self) -> dict[str, str]:
         path = self.code if self.code.exists() else PROJECT
         paths = os.pathsep.join(map(str, (path, FAULTS)))
-        return {**os.environ, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1", "OMP_NUM_THREADS": "1"}
+        settings = {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1", "OMP_NUM_THREADS": "1", "Z2P_CACHE": str(self.cache)}
+        return {**os.environ, **settings}
 
     def command(self, *more: str) -> list[str]:
         if self.scheduler:
