@@ -34,8 +34,10 @@ POINT_LIGHT_SAMPLES = 16
 GAUSS_POINTS = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / math.sqrt(12)
 """Gauss quadrature of a unit square with 2 x 2 points, relative to its center: enough for the floor, where the light
 varies slowly."""
-IRRADIANCE_CELLS = 128
-"""Cells along a side of the floor for the light that it receives from the cloud."""
+IRRADIANCE_CELLS = (128, 192)
+"""Fewest and most cells along a side of the floor for the light that it receives from the cloud."""
+IRRADIANCE_CELL_SPACINGS = 2.5
+"""Width of these cells between the two, in spacings of the points: narrower ones show the points."""
 FLOOR_ALBEDO = 0.8
 """Base color of the floor, Blender's default for a surface without a material."""
 BOUNCES = 2
@@ -50,7 +52,7 @@ class Quality:
 
     sky_axes: int = 24
     """Axes along which each point looks around, in both directions."""
-    floor_directions: int = 32
+    floor_directions: int = 64
     """Directions in which the floor sees the cloud."""
     mirror_directions: int = 64
     """Directions in which the floor mirrors the cloud, at most 64."""
@@ -77,6 +79,13 @@ class LightScene:
     light: tuple[float, float, float]
     """The area light's radius, azimuth and elevation (`z2p_core.camera.light_position`)."""
     floor: native.Floor
+
+    @property
+    def irradiance_cells(self) -> int:
+        """Cells along a side of the floor for the light that it receives from the cloud."""
+        fewest, most = IRRADIANCE_CELLS
+        cells = 2 * FLOOR_HALF_WIDTH / (IRRADIANCE_CELL_SPACINGS * self.spacing)
+        return round(min(max(cells, fewest), most))
 
     @classmethod
     def create(
@@ -167,10 +176,10 @@ def begin_floor_visibility(scene: LightScene, quality: Quality) -> PendingVisibi
     """
     directions = cosine_hemisphere(2 * quality.floor_directions)[::2]
     points, normals, floor = scene.points, scene.normals, scene.floor
-    visible = np.empty((len(directions), 2, len(points)), np.int32)
+    visible, cells = np.empty((len(directions), 2, len(points)), np.int32), scene.irradiance_cells
 
     def look_up(begin: int, end: int) -> None:
-        visible[begin:end] = native.floor_visibility(points, normals, directions[begin:end], floor, IRRADIANCE_CELLS)
+        visible[begin:end] = native.floor_visibility(points, normals, directions[begin:end], floor, cells)
 
     return PendingVisibility(visible, begin_parallel_rows(look_up, len(directions), parts=4))
 
@@ -193,7 +202,7 @@ def bounce_light(
     points = [native.gather_environment(*cloud, direct, scene.floor, *occlusion)]
     floor = []
     for _ in range(BOUNCES):
-        floor.append(native.floor_irradiance(points[-1], floor_visibility, IRRADIANCE_CELLS))
+        floor.append(native.floor_irradiance(points[-1], floor_visibility, scene.irradiance_cells))
         points.append(native.gather_indirect(*cloud, points[-1], scene.floor, floor[-1]))
     return BouncedLight(points, floor)
 
