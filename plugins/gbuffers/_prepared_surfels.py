@@ -35,6 +35,7 @@ from z2p_core.shading.light_transport import (
     begin_point_visibility,
     bounce_light,
     direct_radiance,
+    floor_light_stride,
 )
 from z2p_core.shading.textured_light import surface_albedo
 from z2p_renderer.plugins.gbuffers._detail import Detail, visible_detail
@@ -125,7 +126,7 @@ class PreparedSurfels(PreparedCloud):
         field = flip_sides(kept.field, flipped)
         seen = kept.floor.seen
         if self._albedo is not None:  # without colors only the cells that see points matter, not the points' sides
-            seen = replace(seen, by_floor=flip_seen(seen.by_floor, flipped))
+            seen = replace(seen, by_floor=flip_seen(seen.by_floor, flipped[:: floor_light_stride(len(flipped))]))
         self._surfels.draw_lit(out, geometry, detail, discs, field, seen, turned, scene, self._albedo,
                                None if relative is None else relative[:3])  # fmt: skip
         if relative is not None:
@@ -186,7 +187,7 @@ def swap_rows(sides: np.ndarray, swapped: np.ndarray) -> np.ndarray:
 
 
 def flip_seen(by_floor: np.ndarray, flipped: np.ndarray) -> np.ndarray:
-    """`begin_floor_visibility`'s indices (A, 2, N) into both sides of N points, some of whose normals are flipped."""
+    """`begin_floor_visibility`'s indices (A, 2, M) into both sides of M points, some of whose normals are flipped."""
     count = len(flipped)
     own, other = np.arange(count, dtype=np.int32), np.arange(count, 2 * count, dtype=np.int32)
     index = np.concatenate([np.where(flipped, other, own), np.where(flipped, own, other)])

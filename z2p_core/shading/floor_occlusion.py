@@ -50,7 +50,8 @@ UNERODED_SHARE_PER_CELL = 0.4
 FLOOR_LIGHT_SAMPLES = 64
 """Samples of the area light, a square number: one bit each."""
 FLOOR_SKY_DIRECTIONS = 128
-"""Directions of the sky: one bit each in two passes of 64."""
+"""Directions of the sky: one bit each in two passes of 64. For clouds of more than `MAX_SKY_POINTS` there are twice as
+many, in four passes: fewer leave blotches in faint shadows that denser points would not show."""
 MAX_SKY_POINTS = 10_000
 """Points that occlude the sky: of a larger cloud every n-th point is enough, as this shadow is soft."""
 LIGHT_BLUR_CELLS = 2
@@ -118,7 +119,7 @@ def floor_occlusion(
     parts = parallel_map(passes)
     light_parts, sky_parts = parts[:sets], parts[sets:]
     if sky is None:
-        sky = native.resample_grid((sky_parts[0] + sky_parts[1]) / np.float32(2), cells)
+        sky = native.resample_grid(sum(sky_parts[1:], sky_parts[0]) / np.float32(len(sky_parts)), cells)
     return FloorOcclusion(sum(light_parts[1:], light_parts[0]) / np.float32(sets), sky)
 
 
@@ -133,14 +134,17 @@ def eroded_share(spacing: float, cells: int) -> float:
 def _sky_occlusion_passes(
     points: np.ndarray, spacing: float, height: float, count: int
 ) -> list[Callable[[], np.ndarray]]:  # fmt: skip
-    """Two passes that each give the share (Q, Q) that points (N, 3) hide of one half of `count` sky directions."""
+    """Passes that each give the share (Q, Q) that points (N, 3) hide of a part of the sky: one half of `count`
+    directions, or a quarter of twice as many for more than `MAX_SKY_POINTS`.
+    """
     stride = -(-len(points) // MAX_SKY_POINTS)
+    parts = 2 if stride == 1 else 4
     cells = _cell_count(spacing * math.sqrt(stride) / POINT_CELLS_PER_SPACING)
-    directions, subset = SKY_DISTANCE * cosine_hemisphere(count), points[::stride]
+    directions, subset = SKY_DISTANCE * cosine_hemisphere(count * parts // 2), points[::stride]
     return [
-        partial(native.floor_occlusion, subset, directions[half::2], height, FLOOR_HALF_WIDTH, cells, 1.0,
+        partial(native.floor_occlusion, subset, directions[part::parts], height, FLOOR_HALF_WIDTH, cells, 1.0,
                 blur_cells=SKY_BLUR_CELLS)
-        for half in (0, 1)
+        for part in range(parts)
     ]  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from z2p_core.camera import Camera
 from z2p_core.camera_placement.placed_camera import PlacedCamera
 from z2p_core.shading.floor_occlusion import FLOOR_HALF_WIDTH, FloorOcclusion, eroded_share
 from z2p_core.shading.general_floor_shadow import draw_general_floor_shadow
-from z2p_core.shading.light_transport import IRRADIANCE_CELLS, BouncedLight, LightScene
+from z2p_core.shading.light_transport import BouncedLight, LightScene, sending_to_floor
 from z2p_core.shading.microfacet import specular_directions
 
 FLOOR_ROUGHNESS = 0.5
@@ -55,10 +55,11 @@ def cloud_radiance_from_floor(
     if color.ndim == 1:
         reflected = color.mean() * first
     else:
-        reflected = native.floor_irradiance(color.mean(axis=1) * bounced.points[0], floor_visibility, IRRADIANCE_CELLS)
+        sent = sending_to_floor(color.mean(axis=1) * bounced.points[0])
+        reflected = native.floor_irradiance(sent, floor_visibility, len(first))
     radiance = reflected + SECOND_BOUNCE_SHARE * (color**2).mean() * second
-    white = np.ones((2, bounced.points[0].shape[1]), np.float32)
-    coverage = native.floor_irradiance(white, floor_visibility, IRRADIANCE_CELLS)
+    white = np.ones((2, floor_visibility.shape[2]), np.float32)
+    coverage = native.floor_irradiance(white, floor_visibility, len(first))
     mean: np.ndarray = _sum_3x3(radiance) / np.maximum(_sum_3x3(coverage), 1e-6)
     return mean
 

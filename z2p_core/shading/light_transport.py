@@ -34,10 +34,15 @@ POINT_LIGHT_SAMPLES = 16
 GAUSS_POINTS = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / math.sqrt(12)
 """Gauss quadrature of a unit square with 2 x 2 points, relative to its center: enough for the floor, where the light
 varies slowly."""
-IRRADIANCE_CELLS = 128
-"""Cells along a side of the floor for the light that it receives from the cloud."""
+IRRADIANCE_CELLS = (128, 192)
+"""Fewest and most cells along a side of the floor for the light that it receives from the cloud."""
+IRRADIANCE_CELL_SPACINGS = 2.5
+"""Width of these cells between the two, in spacings of the points: narrower ones show the points."""
 FLOOR_ALBEDO = 0.8
 """Base color of the floor, Blender's default for a surface without a material."""
+MAX_FLOOR_LIGHT_POINTS = 20_000
+"""Points that send light to the floor: of a larger cloud every n-th point does, in n times as many directions, which
+makes that light smoother in the same time."""
 BOUNCES = 2
 """How often light is followed from the cloud to the cloud and to the floor."""
 MAX_BOUNCE_RATIO = 0.9
@@ -50,8 +55,8 @@ class Quality:
 
     sky_axes: int = 24
     """Axes along which each point looks around, in both directions."""
-    floor_directions: int = 32
-    """Directions in which the floor sees the cloud."""
+    floor_directions: int = 64
+    """Directions in which the floor sees a cloud of at most `MAX_FLOOR_LIGHT_POINTS`."""
     mirror_directions: int = 64
     """Directions in which the floor mirrors the cloud, at most 64."""
     floor_sky_directions: int = FLOOR_SKY_DIRECTIONS
@@ -77,6 +82,13 @@ class LightScene:
     light: tuple[float, float, float]
     """The area light's radius, azimuth and elevation (`z2p_core.camera.light_position`)."""
     floor: native.Floor
+
+    @property
+    def irradiance_cells(self) -> int:
+        """Cells along a side of the floor for the light that it receives from the cloud."""
+        fewest, most = IRRADIANCE_CELLS
+        cells = 2 * FLOOR_HALF_WIDTH / (IRRADIANCE_CELL_SPACINGS * self.spacing)
+        return round(min(max(cells, fewest), most))
 
     @classmethod
     def create(
@@ -161,18 +173,29 @@ def begin_point_visibility(scene: LightScene, quality: Quality) -> PendingVisibi
 
 
 def begin_floor_visibility(scene: LightScene, quality: Quality) -> PendingVisibility:
-    """Has a second core find the points that the floor's cells see: (A, 2, N) int32 for A directions.
+    """Has a second core find the points that the floor's cells see: (A, 2, M) int32 for A directions.
 
-    See `z2p_core.native.floor_visibility`.
+    These are the M points of `sending_to_floor`; see `z2p_core.native.floor_visibility`.
     """
-    directions = cosine_hemisphere(2 * quality.floor_directions)[::2]
-    points, normals, floor = scene.points, scene.normals, scene.floor
-    visible = np.empty((len(directions), 2, len(points)), np.int32)
+    stride, floor = floor_light_stride(len(scene.points)), scene.floor
+    directions = cosine_hemisphere(2 * stride * quality.floor_directions)[::2]
+    points, normals = (np.ascontiguousarray(rows[::stride]) for rows in (scene.points, scene.normals))
+    visible, cells = np.empty((len(directions), 2, len(points)), np.int32), scene.irradiance_cells
 
     def look_up(begin: int, end: int) -> None:
-        visible[begin:end] = native.floor_visibility(points, normals, directions[begin:end], floor, IRRADIANCE_CELLS)
+        visible[begin:end] = native.floor_visibility(points, normals, directions[begin:end], floor, cells)
 
     return PendingVisibility(visible, begin_parallel_rows(look_up, len(directions), parts=4))
+
+
+def floor_light_stride(count: int) -> int:
+    """n, where every n-th of `count` points sends light to the floor."""
+    return -(-count // MAX_FLOOR_LIGHT_POINTS)
+
+
+def sending_to_floor(sides: np.ndarray) -> np.ndarray:
+    """Values (2, M, ...) of those points that send light to the floor, of values (2, N, ...) of all."""
+    return sides[:, :: floor_light_stride(sides.shape[1])]
 
 
 def direct_radiance(scene: LightScene, casters: native.ShadowCasters) -> np.ndarray:
@@ -191,9 +214,9 @@ def bounce_light(
     """Light from the sky and the lit floor to the points, and on from there to each other and to the floor."""
     cloud = (scene.points, scene.normals, hemisphere_axes(quality.sky_axes), point_visibility)
     points = [native.gather_environment(*cloud, direct, scene.floor, *occlusion)]
-    floor = []
+    floor, cells = [], scene.irradiance_cells
     for _ in range(BOUNCES):
-        floor.append(native.floor_irradiance(points[-1], floor_visibility, IRRADIANCE_CELLS))
+        floor.append(native.floor_irradiance(sending_to_floor(points[-1]), floor_visibility, cells))
         points.append(native.gather_indirect(*cloud, points[-1], scene.floor, floor[-1]))
     return BouncedLight(points, floor)
 

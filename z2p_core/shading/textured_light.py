@@ -15,7 +15,7 @@ from z2p_core import native
 from z2p_core.interfaces import PointColors
 from z2p_core.linalg import row_dots
 from z2p_core.shading.area_light import hemisphere_axes
-from z2p_core.shading.light_transport import IRRADIANCE_CELLS, BouncedLight, LightScene, Quality
+from z2p_core.shading.light_transport import BouncedLight, LightScene, Quality, sending_to_floor
 from z2p_core.surface.normals import SurfacePoints
 
 NEUTRAL_GREY = 0.35
@@ -99,7 +99,7 @@ def textured_radiance(
     mean = albedo.mean(axis=0)
     growth = second[0] / np.maximum(first[0], MIN_BOUNCED_RADIANCE)
     sent = albedo * unbounced[:, :, None]
-    floor = native.floor_colors(sent, floor_visibility, IRRADIANCE_CELLS)
+    floor = native.floor_colors(sending_to_floor(sent), floor_visibility, scene.irradiance_cells)
     received = native.gather_colors(*cloud, sent, scene.floor, floor)
     later = mean / (1 - bounced.last_ratio * mean)
     total: np.ndarray = unbounced[0][:, None] + received * (1 + later * growth[:, None])
