@@ -158,9 +158,6 @@ def build_look(
     width, height = size
     style, values = style or Style(), parse_controls(renderer, controls)
     check_style(style, renderer, values)
-    if own_camera is not None and not style.needs_network:
-        raise SettingError(f"style {style.name} is drawn by the usual camera only, not by one in the data's units; "
-                           "leave out the camera, or the style")  # fmt: skip
     return Look(
         values=values, placement_options=options, width=width, height=height,
         background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,

@@ -75,6 +75,8 @@ class RenderedScan:
     """Row and column of the frame at which the picture begins, if it was trimmed."""
     bounds: Bounds | None = None
     """Lowest and highest coordinates of the drawn points, in the data's units; None where no axes are drawn."""
+    cloud: np.ndarray = field(default_factory=partial(np.empty, (0, 3), np.float32))
+    """The points (N, 3) float32 that were drawn, in world units, the margin included."""
 
     def annotations(self, look: Look) -> Annotations:
         """What is drawn onto the picture and beside it."""
@@ -103,8 +105,8 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     """
     elevation, elevation_range = camera_elevation(renderer, look.values)
     placed = place_scan(scan, suffix, look.placement_options, elevation, elevation_range)
-    if look.without_network and placed.camera is not None:
-        placed = replace(placed, unfamiliar=look.without_network)
+    if placed.camera is not None:
+        placed = replace(placed, unfamiliar=_reason_without_network(placed, look))
     selected, reason = select_renderer(renderer, placed.cloud, look.style.needs_network)
 
     values = dict(look.values)
@@ -120,7 +122,7 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     if placed.camera is None:
         picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors, radii)
     else:
-        picture = _render_from(selected, placed, values, look, colors)
+        picture = _render_from(selected, placed, values, look, colors, radii)
     passes: dict[str, np.ndarray] = {}
     pass_camera = None
     if look.passes:
@@ -133,7 +135,12 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     bounds = _data_bounds(placed) if look.marks.axes else None
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
                         isinstance(renderer, AutoRenderer), coloring, placed.pinhole, placed.unfamiliar,
-                        passes, pass_camera, (top, left), bounds).annotated(look)  # fmt: skip
+                        passes, pass_camera, (top, left), bounds, cloud).annotated(look)  # fmt: skip
+
+
+def _reason_without_network(placed: PlacedCloud, look: Look) -> str:
+    """Why a camera of the user's is drawn without the network; empty if it is not, or the style needs none."""
+    return (look.without_network or placed.unfamiliar) if look.style.needs_network else ""
 
 
 def _data_bounds(placed: PlacedCloud) -> Bounds:
@@ -153,8 +160,10 @@ def _choose_colors(scan: Scan, viewpoint: Viewpoint, renderer: Renderer, look: L
     if options.by == NONE or (options.by == AUTO and ("color" in look.values or not renderer.draws_colors)):
         return None
     if not renderer.draws_colors:
-        raise SettingError(f"the weights {renderer.weights['name']!r} draw no colours of points; choose others with "
-                           "--weights, or --color-by none")
+        raise SettingError(
+            f"the weights {renderer.weights['name']!r} draw no colours of points; choose others with "
+            "--weights, or --color-by none"
+        )
     return color_points(scan, viewpoint, options)
 
 
@@ -220,16 +229,19 @@ def _finish_frame(image: np.ndarray, factor: int) -> np.ndarray:
 
 
 def _render_from(
-    renderer: Renderer, placed: PlacedCloud, values: dict[str, Value], look: Look, colors: PointColors | None
-) -> np.ndarray:
+    renderer: Renderer, placed: PlacedCloud, values: dict[str, Value], look: Look, colors: PointColors | None,
+    radii: np.ndarray | None,
+) -> np.ndarray:  # fmt: skip
     """The frame (H, W, 4) uint8 of a placed cloud as a camera of the user's sees it."""
     camera, factor = placed.camera, look.supersample
     assert camera is not None
     large = camera.resized(camera.width * factor, camera.height * factor)
-    image = renderer.render_from(placed.cloud, large, values, None, colors, use_network=not placed.unfamiliar)
-    if factor > 1:
-        image = bytes_from_unit(shrink(unit_from_bytes(image), factor))
-    return fade_shadow(image)
+    if look.style.needs_network:
+        image = renderer.render_from(placed.cloud, large, values, None, colors, use_network=not placed.unfamiliar)
+    else:
+        frame = Frame(placed.cloud, values, large.width, large.height, None, colors, radii, camera=large)
+        image = DRAW[look.style.name](renderer, frame)
+    return _finish_frame(image, factor)
 
 
 def _draw_passes(

@@ -10,6 +10,7 @@ import numpy as np
 
 from z2p_core import registry
 from z2p_core.camera import Camera, turn
+from z2p_core.camera_placement.placed_camera import PlacedCamera
 from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied
 from z2p_core.interfaces import PointColors, ScanError, SettingError, Value
 from z2p_core.native import NeighborGrid, to_straight_rgba8
@@ -57,10 +58,14 @@ class Frame:
     """(N,) float32 of balls, world units; None where the style has none."""
     reduction: int | None = None
     """As for `Renderer.render`."""
+    camera: PlacedCamera | None = None
+    """A camera of the user's; None for the usual one."""
 
 
 def draw_surface(renderer: Renderer, frame: Frame) -> np.ndarray:
     """The surface that the weights see in the points."""
+    if frame.camera is not None:
+        return renderer.render_from(frame.cloud, frame.camera, dict(frame.values), frame.floor, frame.colors)
     return renderer.render(
         frame.cloud, dict(frame.values), frame.width, frame.height, frame.floor, frame.colors, frame.reduction
     )
@@ -77,7 +82,7 @@ def draw_balls(renderer: Renderer, frame: Frame) -> np.ndarray:
         scene.floor = min(floor, float((frame.cloud[:, 2] - frame.radii).min()))
     albedo, relight = _albedo(frame, scene)
     balls = Balls(frame.cloud, frame.radii, albedo, relight)
-    image = np.moveaxis(draw(balls, Camera(frame.width, frame.height, scene.elevation), scene), 0, -1)
+    image = np.moveaxis(draw(balls, _camera(frame, scene), scene), 0, -1)
     straight = straight_from_premultiplied(image)
     straight[..., :3] = srgb_from_linear(straight[..., :3])
     return bytes_from_unit(straight)
@@ -86,7 +91,7 @@ def draw_balls(renderer: Renderer, frame: Frame) -> np.ndarray:
 def draw_discs(renderer: Renderer, frame: Frame) -> np.ndarray:
     """The surfels under the scene's light: what the network of other styles starts from."""
     scene = scene_of(renderer, frame)
-    camera = Camera(frame.width, frame.height, scene.elevation)
+    camera = _camera(frame, scene)
     gbuffer = registry.load("gbuffers", DISC_GBUFFER)()
     features, relative, neutral = np.empty((gbuffer.channels, camera.height, camera.width), np.float32), None, None
     if frame.colors is None:
@@ -120,8 +125,10 @@ def check_style(style: Style, renderer: AnyRenderer, given: Mapping[str, Value])
     """
     unused = unused_controls(style, renderer, given)
     if unused:
-        raise SettingError(f"--{unused[0]}: the style {style.name} is matt, so it has no {unused[0]}; leave it out, or "
-                           f"use the style {SURFACE}")
+        raise SettingError(
+            f"--{unused[0]}: the style {style.name} is matt, so it has no {unused[0]}; leave it out, or "
+            f"use the style {SURFACE}"
+        )
 
 
 def unused_controls(style: Style, renderer: AnyRenderer, given: Mapping[str, Value]) -> list[str]:
@@ -153,8 +160,10 @@ def ball_radii(style: Style, scan: Scan, cloud: np.ndarray, viewpoint: Viewpoint
     else:
         radius = style.radius_share or RADIUS_PER_SPACING * median_spacing(cloud)
     if radius > LARGEST_RADIUS:
-        raise SettingError(f"the radius {style.radius_text} is larger than the whole object, whose bounding sphere has "
-                           f"radius {viewpoint.radius:.4g}; radii are in the data's units, or in percent of that one")
+        raise SettingError(
+            f"the radius {style.radius_text} is larger than the whole object, whose bounding sphere has "
+            f"radius {viewpoint.radius:.4g}; radii are in the data's units, or in percent of that one"
+        )
     return np.full(len(cloud), radius, np.float32)
 
 
@@ -175,6 +184,11 @@ def scene_of(renderer: Renderer, frame: Frame) -> SceneDescription:
         scene.elevation = renderer.fixed_elevation
     apply_controls(renderer.settings(dict(frame.values)), renderer.controls, scene)
     return scene
+
+
+def _camera(frame: Frame, scene: SceneDescription) -> Camera:
+    """The camera that a frame is seen by."""
+    return frame.camera or Camera(frame.width, frame.height, scene.elevation)
 
 
 def _albedo(frame: Frame, scene: SceneDescription) -> tuple[np.ndarray, float]:
@@ -207,8 +221,10 @@ def _radii_of_field(name: str, scan: Scan, cloud: np.ndarray, viewpoint: Viewpoi
     usable = (radii > 0) & (radii <= LARGEST_RADIUS)
     if not usable.all():
         worst = field.values[~usable][0]
-        raise ScanError(f"the field {field.name!r} is to hold radii above 0 and up to {viewpoint.radius:.4g}, the "
-                        f"radius of the whole object, in the data's units; got {worst:g} among {len(radii)} values")
+        raise ScanError(
+            f"the field {field.name!r} is to hold radii above 0 and up to {viewpoint.radius:.4g}, the "
+            f"radius of the whole object, in the data's units; got {worst:g} among {len(radii)} values"
+        )
     return radii[nearest_of(viewpoint.place(field.points), cloud)]
 
 

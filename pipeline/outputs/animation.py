@@ -15,15 +15,13 @@ from z2p_core.images import (
     unit_from_bytes,
 )
 from z2p_core.interfaces import SettingError, Value
-from z2p_core.placement.margin import without_margin
-from z2p_core.surface.mls_smoothing import smooth_cloud
+from z2p_core.surface.subsampling import subsample_hashed
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.prepared_render import PreparedRender, fixed_to_object
 from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_prepared, render_scan
 from z2p_renderer.pipeline.inference.styles import Frame, StyledCloud, ball_radii
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
-from z2p_renderer.pipeline.placement.place_scan import select_points
 from z2p_renderer.storage.scans.clouds import Scan
 
 LIGHT_SWING_DEGREES = 80.0
@@ -54,7 +52,7 @@ def draw_opening(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> 
     return render_scan(renderer, scan, suffix, sketch)
 
 
-def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
+def render_frames(opening: RenderedScan, scan: Scan, look: Look, motion: Motion) -> Iterator[np.ndarray]:
     """The frames (H, W, 4) uint8, straight RGBA, of an endless loop.
 
     `opening` is the scan's `draw_opening` with the same look. With `look.tight` all frames are cropped to the union of
@@ -66,7 +64,7 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
     renderer = opening.renderer
     if motion.kind != "turn" and "light" not in renderer.controls:
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
-    prepared = prepare_scan(opening, scan, suffix, look)
+    prepared = prepare_scan(opening, scan, look)
     scale = opening.coloring.scale if opening.coloring is not None and look.color_options.color_bar else None
     look = replace(look, color_options=replace(look.color_options, color_bar=False))  # drawn after the crop
     frames = (_render_frame(prepared, look, motion, opening, number) for number in range(motion.frames))
@@ -82,13 +80,12 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
     yield from (draw_onto(frame, scale, look.background) for frame in frames)
 
 
-def prepare_scan(opening: RenderedScan, scan: Scan, suffix: str, look: Look) -> PreparedRender | StyledCloud:
-    """The scan as its `draw_opening` places it, selected and smoothed once for all frames."""
-    points = select_points(scan, suffix, look.placement_options).points
-    if opening.placement.smoothing_radius:
-        base = without_margin(opening.viewpoint, look.frame_margin)  # whose radius the smoothing radius is relative to
-        points = base.unplace(smooth_cloud(base.place(points), opening.placement.smoothing_radius))
-    cloud, floor = opening.viewpoint.place(points), opening.viewpoint.floor
+def prepare_scan(
+    opening: RenderedScan, scan: Scan, look: Look, most_points: int | None = None
+) -> PreparedRender | StyledCloud:  # fmt: skip
+    """The points that an opening has drawn, prepared once for all frames; about `most_points` of more of them."""
+    cloud, floor = opening.cloud, opening.viewpoint.floor
+    cloud = cloud if most_points is None else subsample_hashed(cloud, most_points)
     if floor is not None:
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     colors = None if opening.coloring is None else opening.coloring.place(opening.viewpoint)

@@ -78,7 +78,7 @@ class CellDrawer:
             except ScanError as error:
                 self._report(self._cell(place), error)
                 continue
-            loops[place] = render_frames(opening, scan, suffix, look, motion)
+            loops[place] = render_frames(opening, scan, look, motion)
         for _ in range(motion.frames):
             yield {**self._pictures, **{place: next(loop) for place, loop in loops.items()}}
 

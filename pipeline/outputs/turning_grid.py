@@ -33,7 +33,7 @@ def grid_frames(
     columns: int | None = None,
 ) -> Iterator[np.ndarray]:  # fmt: skip
     """Frames (H, W, 4) uint8 in which all clouds move together, in rows of so many columns or near-square."""
-    loops = [render_frames(opening, scan, suffix, look, motion)
-             for (scan, suffix), (opening, look) in zip(clouds, openings, strict=True)]  # fmt: skip
+    loops = [render_frames(opening, scan, look, motion)
+             for (scan, _), (opening, look) in zip(clouds, openings, strict=True)]  # fmt: skip
     for pictures in zip(*loops, strict=True):
         yield tile_images(pictures, columns)

@@ -58,7 +58,9 @@ class BallView(ctypes.Structure):
     _fields_ = [
         ("rotation", ctypes.c_float * 3 * 3),
         ("position", ctypes.c_float * 3),
-        ("focal", ctypes.c_float),
+        ("focal", ctypes.c_float * 2),
+        ("center", ctypes.c_float * 2),
+        ("orthographic", ctypes.c_int),
         ("width", ctypes.c_int),
         ("height", ctypes.c_int),
         ("first_row", ctypes.c_int),

@@ -177,11 +177,13 @@ def make_view(camera: Camera, floor_height: float, relight: float) -> BallView:
     """The camera's view with the samples of its pixels."""
     side_samples = 4 if max(camera.width, camera.height) <= FOUR_SAMPLES_MAX_SIDE else 3
     view = BallView(
-        focal=camera.focal, width=camera.width, height=camera.height, side_samples=side_samples, near_depth=NEAR_DEPTH,
+        orthographic=int(camera.orthographic), width=camera.width, height=camera.height, side_samples=side_samples, near_depth=NEAR_DEPTH,
         relight=relight, floor_albedo=FLOOR_ALBEDO, draws_floor=int(camera.position[2] > floor_height),
     )  # fmt: skip
     np.ctypeslib.as_array(view.rotation)[:] = camera.rotation
     np.ctypeslib.as_array(view.position)[:] = camera.position
+    np.ctypeslib.as_array(view.focal)[:] = camera.focal_lengths
+    np.ctypeslib.as_array(view.center)[:] = camera.principal_point
     np.ctypeslib.as_array(view.filter)[:side_samples] = pixel_filter(side_samples)
     return view
 

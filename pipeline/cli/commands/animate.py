@@ -207,7 +207,7 @@ class _Loop:
         if self.cameras:
             frames = render_path(opening, cloud, suffix, self.look, self.cameras)
         else:
-            frames = render_frames(opening, cloud, suffix, self.look, self.motion)
+            frames = render_frames(opening, cloud, self.look, self.motion)
         if not quiet and sys.stderr.isatty():
             from tqdm import tqdm
 

@@ -26,7 +26,7 @@ from z2p_core.errors.messages import UserError
 from z2p_core.interfaces import SettingError
 from z2p_renderer.pipeline.cli.viewer.saving import Saver
 from z2p_renderer.pipeline.cli.viewer.view_state import state_from_json
-from z2p_renderer.pipeline.cli.viewer.viewed_scans import View, ViewedScans, check_pane
+from z2p_renderer.pipeline.cli.viewer.viewed_scans import DRAFT_SIDES, View, ViewedScans, check_pane
 from z2p_renderer.storage.images.image_files import encode_picture
 
 DEFAULT_PORT = 8731
@@ -144,7 +144,7 @@ class ViewServer(ThreadingHTTPServer):
             "panes": [pane.label for pane in self.scans.panes], "faults": self.scans.faults,
             "sliders": {name: asdict(slider) for name, slider in self.scans.sliders(weights).items()},
             "fields": self.scans.fields, "up": self.first_up, "colormaps": COLORMAPS,
-            "weights": ["auto", *shipped_weights()],
+            "weights": ["auto", *shipped_weights()], "draft_sides": DRAFT_SIDES,
         }  # fmt: skip
 
 
@@ -249,12 +249,13 @@ class _Handler(BaseHTTPRequestHandler):
         if type(number) is not int:
             raise SettingError("expected the picture's number")
         is_draft = body.get("draft") is True
+        side = body["side"] if body.get("side") in DRAFT_SIDES else DRAFT_SIDES[0]
         self.server.is_stale(page, index, number)
-        with scans.turn():
+        with scans.turn(is_draft):
             if self.server.is_stale(page, index, number):  # a newer one has been asked for while others were drawn
                 self._answer(b"", "text/plain", status=HTTPStatus.NO_CONTENT)
                 return
-            view = scans.draft(pane, state) if is_draft else scans.full(pane, state)
+            view = scans.draft(pane, state, side) if is_draft else scans.full(pane, state)
         self._answer(
             encode_view(view, is_draft),
             "image/png",

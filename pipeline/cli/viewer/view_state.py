@@ -133,6 +133,12 @@ class ParsedOptions:
 
 
 def parse_options(words: list[str]) -> ParsedOptions:
+    """`parse_words`, the newest of which are kept: one picture asks for them several times."""
+    return parse_words(tuple(words))
+
+
+@lru_cache(maxsize=8)
+def parse_words(words: tuple[str, ...]) -> ParsedOptions:
     """What `z2p run-inference` makes of its options, so that a page can set nothing that the command cannot.
 
     Raises:

@@ -6,13 +6,14 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from threading import RLock
+from threading import Lock, RLock
 from typing import Any, TypeVar
 
 import numpy as np
 
 from z2p_core.interfaces import ScanError, SettingError, Slider
 from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.surface.subsampling import subsample_hashed
 from z2p_renderer.pipeline.cli.options.pictures import look_from_options
 from z2p_renderer.pipeline.cli.viewer.view_state import ViewState, draft_state, parse_options
 from z2p_renderer.pipeline.coloring.fields import VECTOR_FIELDS, read_scans
@@ -31,10 +32,14 @@ from z2p_renderer.pipeline.outputs.animation import draw_opening, prepare_scan
 from z2p_renderer.storage.models.checkpoints import shipped_weights
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix
 
-DRAFT_SIDE = 256
-"""Longer side in pixels of the pictures that are drawn while the mouse moves."""
+DRAFT_SIDES = (256, 192, 128)
+"""Longer sides in pixels of the pictures that are drawn while the mouse moves; the smaller ones where it is slow."""
 MAX_PANES = 12
 """Clouds that one page shows side by side."""
+DRAFT_POINTS = 12_000
+"""Points of a draft, about: of more, so many are selected."""
+KEPT_OPENINGS = 4
+"""Pictures that have placed their points that are kept for each pane."""
 KEPT_PREPARED = 2
 """Prepared clouds that are kept for each pane."""
 Kept = TypeVar("Kept")
@@ -65,7 +70,7 @@ class View:
 
 
 class ViewedScans:
-    """The scans of one viewer. One picture is drawn at a time, whichever thread asks for it."""
+    """The scans of one viewer. One full picture and one draft are drawn at a time, whichever threads ask for them."""
 
     def __init__(
         self, paths: list[Path], engine: str | None = None, columns: tuple[str, ...] | None = None
@@ -76,7 +81,8 @@ class ViewedScans:
             ScanError: none of the files can be read.
         """
         self.paths, self._engine, self._columns = paths, engine, columns
-        self._lock = RLock()
+        self._turns = {True: RLock(), False: RLock()}
+        self._renderers_lock, self._kept_lock = RLock(), Lock()
         self._renderers: dict[Hashable, AnyRenderer] = {}
         self._kept: OrderedDict[Hashable, Any] = OrderedDict()
         self.faults: list[str] = []
@@ -108,9 +114,9 @@ class ViewedScans:
         self.fields = [name for name in fields if name not in VECTOR_FIELDS]
         return panes
 
-    def turn(self) -> RLock:
-        """What a thread holds while it draws; see the class."""
-        return self._lock
+    def turn(self, is_draft: bool) -> RLock:
+        """What a thread holds while it draws a draft, or a full picture; see the class."""
+        return self._turns[is_draft]
 
     def sliders(self, weights: str) -> dict[str, Slider]:
         """The sliders of all controls that the weights carry; with ``auto``, of all that shipped weights carry.
@@ -118,27 +124,26 @@ class ViewedScans:
         Raises:
             WeightsError: there are no such weights.
         """
-        with self._lock:
-            names = list(shipped_weights()) if weights == AUTO else [weights]
-            found: dict[str, Slider] = {}
-            for renderer in [self._renderer(name, frozenset(), lazy=True) for name in names]:
-                found |= {name: control.slider for name, control in renderer.controls.items()}
-            return found
+        names = list(shipped_weights()) if weights == AUTO else [weights]
+        found: dict[str, Slider] = {}
+        for renderer in [self._renderer(name, frozenset(), lazy=True) for name in names]:
+            found |= {name: control.slider for name, control in renderer.controls.items()}
+        return found
 
-    def draft(self, pane: Pane, state: ViewState) -> View:
-        """A small picture of a pane, from a cloud that is prepared once for all cameras, lights and materials.
+    def draft(self, pane: Pane, state: ViewState, side: int = DRAFT_SIDES[0]) -> View:
+        """A picture of a pane of at most `side` pixels; the cloud is prepared once for all cameras, lights, materials.
 
         Raises:
             ScanError, SettingError: as for `full`.
         """
-        with self._lock:
-            renderer, look = self._look(draft_state(state, DRAFT_SIDE))
+        with self.turn(is_draft=True):
+            renderer, look = self._look(draft_state(state, side))
             opening, prepared = self._prepared(pane, state, renderer, look)
             base = opening.placement.azimuth
             turned = 0.0 if state.azimuth is None else state.azimuth - base
             elevation = opening.viewpoint.elevation
-            chosen = {} if opening.placement.elevation is None else {"elevation": (elevation,)}
-            values = opening.renderer.settings({**chosen, **look.values})
+            is_chosen = opening.placement.elevation is not None and state.azimuth is None
+            values = opening.renderer.settings({**({"elevation": (elevation,)} if is_chosen else {}), **look.values})
             image = render_prepared(prepared, values, look, turned)
             return View(image, look.background, base + turned, values.get("elevation", (elevation,))[0])
 
@@ -149,12 +154,16 @@ class ViewedScans:
             ScanError: the file cannot be read any more, or has no such field.
             SettingError: an option is refused.
         """
-        with self._lock:
+        with self.turn(is_draft=False):
             renderer, look = self._look(state)
             scan, suffix = self._scan(pane, state), format_suffix(pane.path)
+            given, key = look, self._opening_key(pane, state, scan, renderer, look)
             if state.same_frame:
                 renderer, look = self._with_common_frame(state, renderer, look)
-            rendered = render_scan(renderer, scan, suffix, self._with_common_scale(state, renderer, look))
+            look = self._with_common_scale(state, renderer, look)
+            rendered = render_scan(renderer, scan, suffix, look)
+            if not state.same_frame:
+                self._keep_opening(key, given, rendered)
             placed = rendered.placement.azimuth if not state.same_frame else state.azimuth or 0.0
             coloring = "" if rendered.coloring is None else rendered.coloring.description
             note = "; ".join(filter(None, [rendered.weights_reason, rendered.placement.hint, coloring]))
@@ -165,8 +174,7 @@ class ViewedScans:
         """The ends of the colormap that several clouds share; None where there is one cloud, or no such field."""
         if len(self.panes) == 1 or not state.has_field:
             return None
-        with self._lock:
-            return self._with_common_scale(state, *self._look(state)).color_options.limits
+        return self._with_common_scale(state, *self._look(state)).color_options.limits
 
     def _look(self, state: ViewState) -> tuple[AnyRenderer, Look]:
         """The renderer and the look of the state's options."""
@@ -184,12 +192,13 @@ class ViewedScans:
                                    lambda: load_renderer(weights, values, None, self._engine))  # fmt: skip
 
     def _keep_renderer(self, key: Hashable, load: Callable[[], AnyRenderer]) -> AnyRenderer:
-        if key not in self._renderers:
-            loaded = load()
-            if isinstance(loaded, AutoRenderer):  # one for all sets of controls that it serves
-                loaded = next((one for one in self._renderers.values() if isinstance(one, AutoRenderer)), loaded)
-            self._renderers[key] = loaded
-        return self._renderers[key]
+        with self._renderers_lock:
+            if key not in self._renderers:
+                loaded = load()
+                if isinstance(loaded, AutoRenderer):  # one for all sets of controls that it serves
+                    loaded = next((one for one in self._renderers.values() if isinstance(one, AutoRenderer)), loaded)
+                self._renderers[key] = loaded
+            return self._renderers[key]
 
     def _read(self, path: Path, state: ViewState) -> list[Scan | ScanError]:
         """The clouds of a file with the fields that the state needs; read again when the file has changed."""
@@ -208,26 +217,45 @@ class ViewedScans:
     def _prepared(
         self, pane: Pane, state: ViewState, renderer: AnyRenderer, look: Look
     ) -> tuple[RenderedScan, PreparedRender | StyledCloud]:
-        """The pane's opening and its prepared cloud, in the automatic view, or in the front one, which is turned."""
+        """What has placed the pane's points, from whichever side, and some of them prepared for all sides."""
+        scan = self._scan(pane, state)
+        opening = self._opening(pane, state, scan, renderer, look)
+        size = () if look.style.needs_network else (look.width, look.height)
+        return self._keep(("prepared", id(opening), size), KEPT_PREPARED * len(self.panes),
+                          lambda: (opening, prepare_scan(opening, scan, look)))  # fmt: skip
+
+    def _opening(
+        self, pane: Pane, state: ViewState, scan: Scan, renderer: AnyRenderer, look: Look
+    ) -> RenderedScan:  # fmt: skip
+        """A picture of the pane in its automatic view, or of any side: the first full one if there is one."""
         start = replace(state, azimuth=None if state.azimuth is None else 0.0)
         placing = replace(look.placement_options, view="auto" if start.azimuth is None else 0.0)
-        look = replace(look, placement_options=placing)
-        scan, suffix = self._scan(pane, state), format_suffix(pane.path)
 
-        def prepare() -> tuple[RenderedScan, PreparedRender | StyledCloud]:
-            selected, shared = renderer, look
+        def draw() -> RenderedScan:
+            selected, shared = renderer, replace(look, placement_options=placing)
             if state.same_frame:
                 fixed = {name: value for name, value in start.controls.items() if name != "elevation"}
-                selected, shared = self._with_common_frame(replace(start, controls=fixed), renderer, look)
+                selected, shared = self._with_common_frame(replace(start, controls=fixed), renderer, shared)
             colored = self._with_common_scale(state, selected, shared)
             plain = replace(colored, color_options=replace(colored.color_options, color_bar=False))
-            opening = draw_opening(selected, scan, suffix, plain)
-            return opening, prepare_scan(opening, scan, suffix, plain)
+            return thinned(draw_opening(selected, scan, format_suffix(pane.path), plain))
 
-        colors = ("color" in look.values, look.color_options)
-        style = () if look.style.needs_network else (look.style, look.width, look.height)
-        key = ("prepared", pane, id(scan), id(renderer), placing, look.margin, start.same_frame, colors, style)
-        return self._keep(key, KEPT_PREPARED * len(self.panes), prepare)
+        key = self._opening_key(pane, state, scan, renderer, look)
+        return self._keep(key, KEPT_OPENINGS * len(self.panes), draw)
+
+    def _opening_key(
+        self, pane: Pane, state: ViewState, scan: Scan, renderer: AnyRenderer, look: Look
+    ) -> tuple[Hashable, ...]:  # fmt: skip
+        """What an opening depends on; the side is no part of it, unless it is chosen by the cloud."""
+        placing = replace(look.placement_options, view="auto" if state.azimuth is None else 0.0)
+        colors = ("color" in look.values, replace(look.color_options, color_bar=False))
+        return "opening", pane, id(scan), id(renderer), placing, look.margin, state.same_frame, colors, look.style
+
+    def _keep_opening(self, key: tuple[Hashable, ...], look: Look, rendered: RenderedScan) -> None:
+        """Keep a full picture as the opening of drafts, unless there is one; one in the automatic view serves all."""
+        any_side = (*key[:4], replace(look.placement_options, view=0.0), *key[5:])
+        for one in (key, any_side):
+            self._keep(one, KEPT_OPENINGS * len(self.panes), lambda: thinned(rendered))
 
     def _with_common_frame(self, state: ViewState, renderer: AnyRenderer, look: Look) -> tuple[AnyRenderer, Look]:
         """The renderer and the look of `z2p run-inference --same-frame`."""
@@ -259,16 +287,24 @@ class ViewedScans:
 
     def _keep(self, key: tuple[Hashable, ...], most: int, make: Callable[[], Kept]) -> Kept:
         """What `make` gives, made once for a key; of each kind (the key's first entry) the `most` newest are kept."""
-        if key in self._kept:
-            self._kept.move_to_end(key)
-            kept: Kept = self._kept[key]
-            return kept
+        with self._kept_lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                kept: Kept = self._kept[key]
+                return kept
         made = make()
-        self._kept[key] = made
-        same_kind = [one for one in self._kept if isinstance(one, tuple) and one[0] == key[0]]
-        for oldest in same_kind[:-most]:
-            del self._kept[oldest]
+        with self._kept_lock:
+            self._kept[key] = made
+            same_kind = [one for one in self._kept if isinstance(one, tuple) and one[0] == key[0]]
+            for oldest in same_kind[:-most]:
+                del self._kept[oldest]
         return made
+
+
+def thinned(rendered: RenderedScan) -> RenderedScan:
+    """The same without its picture, with about `DRAFT_POINTS` of its points."""
+    cloud = subsample_hashed(rendered.cloud, DRAFT_POINTS)
+    return replace(rendered, picture=rendered.picture[:0], passes={}, cloud=cloud)
 
 
 def check_pane(panes: list[Pane], index: Any) -> Pane:

@@ -32,7 +32,7 @@ def renderer(tiny_weights: Path) -> Renderer:
 
 
 def loop(renderer: Renderer, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
-    return render_frames(draw_opening(renderer, scan, suffix, look), scan, suffix, look, motion)
+    return render_frames(draw_opening(renderer, scan, suffix, look), scan, look, motion)
 
 
 def test_turntable_frames_equal_stills_of_turned_cameras(cloud: np.ndarray) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -113,3 +114,17 @@ def test_a_record_draws_the_same_balls_again(points: np.ndarray, tmp_path: Path)
     from PIL import Image
 
     assert np.array_equal(np.asarray(Image.open(first)), np.asarray(Image.open(again)))
+
+
+def test_the_pictures_own_camera_draws_the_same_balls(points: np.ndarray) -> None:
+    first = z2p_core.render(points, style="balls", size=48, view=(30, 20))
+    again = z2p_core.render(points, style="balls", camera=first.pinhole)
+    assert np.array_equal(first.array, again.array)
+
+
+@pytest.mark.parametrize("style", ["balls", "discs"])
+def test_no_network_is_missed_where_the_style_needs_none(points: np.ndarray, style: str) -> None:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="drawn without the network")
+        camera = z2p_core.look_at((0, -9, -9))  # from below the floor
+        assert covered(z2p_core.render(points, style=style, color="white", camera=camera, size=48)) > 50

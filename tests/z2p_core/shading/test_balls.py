@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from z2p_core.camera import DISTANCE, Camera, light_position
+from z2p_core.camera_placement.placed_camera import ORTHOGRAPHIC_DISTANCE, PlacedCamera
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.shading.balls import Balls, draw_balls, pixel_filter
 
@@ -112,3 +113,22 @@ def test_a_pixel_counts_its_samples_once(samples: int) -> None:
     weights = pixel_filter(samples)
     assert weights.sum() == pytest.approx(1)
     assert weights == pytest.approx(weights[::-1])
+
+
+def test_parallel_rays_show_a_ball_at_its_scale_wherever_it_is() -> None:
+    pixels_per_unit, shown = 40.0, balls((0.5, 0, 0), (0.5, 1.5, 0), radius=0.25)
+    camera = PlacedCamera(SIDE, SIDE, 0.0, (pixels_per_unit,) * 2, (SIDE / 2, SIDE / 2),
+                          station=(0.0, -ORTHOGRAPHIC_DISTANCE, 0.0), parallel=True)  # fmt: skip
+    alpha = draw_balls(shown, camera, SceneDescription(floor=-50.0))[3]
+    assert alpha.sum() == pytest.approx(math.pi * (0.25 * pixels_per_unit) ** 2, rel=0.02)
+    assert (alpha * np.arange(SIDE)).sum() / alpha.sum() == pytest.approx(SIDE / 2 + 20 - 0.5, abs=0.3)
+
+
+def test_oblong_pixels_and_a_shifted_center_change_where_balls_are_seen() -> None:
+    usual = Camera(SIDE, SIDE, 0.0)
+    camera = PlacedCamera(SIDE, SIDE, 0.0, (usual.focal, 2 * usual.focal), (20.0, SIDE / 2))
+    shown = balls((0, 0, 0), radius=0.2)
+    alpha = draw_balls(shown, camera, SceneDescription(floor=-50.0))[3]
+    before = draw_balls(shown, usual, SceneDescription(floor=-50.0))[3]
+    assert alpha.sum() == pytest.approx(2 * before.sum(), rel=0.02)
+    assert (alpha * np.arange(SIDE)).sum() / alpha.sum() == pytest.approx(19.5, abs=0.2)

@@ -16,7 +16,9 @@
 
 /* The camera, and which rows to draw. Mirrored by z2p_core/native/balls.py. */
 typedef struct {
-    float rotation[3][3], position[3], focal; /* world to camera: rows right, down, forward; focal length in pixels */
+    float rotation[3][3], position[3]; /* world to camera: rows right, down, forward */
+    float focal[2], center[2]; /* focal lengths and principal point in pixels */
+    int orthographic; /* rays are parallel, and focal lengths are pixels of a world unit */
     int width, height, first_row, last_row, side_samples;
     float filter[4]; /* weights of a pixel's samples along a side */
     float near_depth;
@@ -29,7 +31,8 @@ typedef struct {
  * [first, last) show. */
 INLINE void draw_ids(const float *balls, int count, const BallView *view, int first, int last, int *ids, float *depths) {
     int n = view->side_samples, width = view->width * n, top_row = first * n, bottom_row = last * n;
-    float focal = view->focal * (float)n, middle_x = 0.5f * (float)width, middle_y = 0.5f * (float)(view->height * n);
+    float focal_x = view->focal[0] * (float)n, focal_y = view->focal[1] * (float)n;
+    float middle_x = view->center[0] * (float)n, middle_y = view->center[1] * (float)n;
     size_t room = (size_t)width * (bottom_row - top_row);
     memset(ids, -1, sizeof(int) * room);
     for (size_t i = 0; i < room; i++) depths[i] = INFINITY;
@@ -38,18 +41,30 @@ INLINE void draw_ids(const float *balls, int count, const BallView *view, int fi
         float radius = balls[4 * (size_t)b + 3], in_front = z * z - radius * radius;
         if (!(z - radius > view->near_depth)) continue;
         float reach_y = radius * sqrtf(y * y + in_front), reach_x = radius * sqrtf(x * x + in_front);
-        int top = (int)ceilf(larger((y * z - reach_y) / in_front * focal + middle_y - 0.5f, (float)top_row));
-        int bottom = (int)floorf(smaller((y * z + reach_y) / in_front * focal + middle_y - 0.5f, (float)bottom_row - 1));
+        if (view->orthographic) {
+            in_front = z;
+            reach_x = reach_y = radius * z;
+        }
+        int top = (int)ceilf(larger((y * z - reach_y) / in_front * focal_y + middle_y - 0.5f, (float)top_row));
+        int bottom =
+            (int)floorf(smaller((y * z + reach_y) / in_front * focal_y + middle_y - 0.5f, (float)bottom_row - 1));
         if (top > bottom) continue;
-        int left = (int)ceilf(larger((x * z - reach_x) / in_front * focal + middle_x - 0.5f, 0));
-        int right = (int)floorf(smaller((x * z + reach_x) / in_front * focal + middle_x - 0.5f, (float)width - 1));
+        int left = (int)ceilf(larger((x * z - reach_x) / in_front * focal_x + middle_x - 0.5f, 0));
+        int right = (int)floorf(smaller((x * z + reach_x) / in_front * focal_x + middle_x - 0.5f, (float)width - 1));
         for (int v = top; v <= bottom; v++) {
-            float ry = ((float)v + 0.5f - middle_y) / focal, yz = y * ry + z, length_yz = ry * ry + 1;
+            float ry = ((float)v + 0.5f - middle_y) / focal_y, yz = y * ry + z, length_yz = ry * ry + 1;
             size_t row = (size_t)(v - top_row) * width;
             int *restrict id = ids + row;
             float *restrict depth = depths + row;
-            for (int u = left; u <= right; u++) {
-                float rx = ((float)u + 0.5f - middle_x) / focal, length_sq = rx * rx + length_yz;
+            for (int u = left; view->orthographic && u <= right; u++) {
+                float dx = ((float)u + 0.5f - middle_x) / focal_x - x, dy = ry - y;
+                float chord_sq = radius * radius - (dx * dx + dy * dy), t = z - sqrtf(larger(chord_sq, 0));
+                int nearer = (chord_sq > 0) & (t < depth[u]);
+                depth[u] = nearer ? t : depth[u];
+                id[u] = nearer ? b : id[u];
+            }
+            for (int u = left; !view->orthographic && u <= right; u++) {
+                float rx = ((float)u + 0.5f - middle_x) / focal_x, length_sq = rx * rx + length_yz;
                 float along = (x * rx + yz) / length_sq;
                 float ax = x - along * rx, ay = y - along * ry, az = z - along;
                 float chord_sq = radius * radius - (ax * ax + ay * ay + az * az);
@@ -177,14 +192,18 @@ typedef struct {
 
 INLINE FloorPixel see_floor(const BallScene *scene, const BallView *view, float column, float row) {
     const float *rotation = view->rotation[0];
-    float rx = (column - 0.5f * (float)view->width) / view->focal, ry = (row - 0.5f * (float)view->height) / view->focal;
-    float ray[3];
-    for (int a = 0; a < 3; a++) ray[a] = rotation[a] * rx + rotation[3 + a] * ry + rotation[6 + a];
+    float rx = (column - view->center[0]) / view->focal[0], ry = (row - view->center[1]) / view->focal[1];
+    float ray[3], origin[3];
+    for (int a = 0; a < 3; a++) {
+        float across = rotation[a] * rx + rotation[3 + a] * ry;
+        ray[a] = (view->orthographic ? 0 : across) + rotation[6 + a];
+        origin[a] = view->position[a] + (view->orthographic ? across : 0);
+    }
     FloorPixel floor = {0, 0, 0, 0, 0, 0};
     if (!view->draws_floor || !(ray[2] < -1e-4f)) return floor;
-    float t = (scene->floor_height - view->position[2]) / ray[2];
-    floor.x = view->position[0] + t * ray[0];
-    floor.y = view->position[1] + t * ray[1];
+    float t = (scene->floor_height - origin[2]) / ray[2];
+    floor.x = origin[0] + t * ray[0];
+    floor.y = origin[1] + t * ray[1];
     floor.n_dot_v = -ray[2] / sqrtf(dot(ray, ray));
     floor.there = fabsf(floor.x) < scene->floor_half_size && fabsf(floor.y) < scene->floor_half_size;
     return floor;
@@ -265,7 +284,8 @@ typedef struct {
 INLINE int collect_fragments(const BallView *view, const int *ids, const float *depths, int column, int row,
                              Fragment *fragments) {
     int n = view->side_samples, count = 0;
-    float focal = view->focal * (float)n;
+    float focal_x = view->focal[0] * (float)n, focal_y = view->focal[1] * (float)n;
+    float middle_x = view->center[0] * (float)n, middle_y = view->center[1] * (float)n;
     for (int y = 0; y < n; y++)
         for (int x = 0; x < n; x++) {
             size_t at = (size_t)y * view->width * n + x;
@@ -277,9 +297,10 @@ INLINE int collect_fragments(const BallView *view, const int *ids, const float *
                 fragments[count++] = empty;
             }
             float weight = view->filter[x] * view->filter[y], depth = weight * depths[at];
+            float spread = view->orthographic ? weight : depth;
             fragments[k].weight += weight;
-            fragments[k].place[0] += depth * ((float)(column * n + x) + 0.5f - 0.5f * (float)(view->width * n)) / focal;
-            fragments[k].place[1] += depth * ((float)(row * n + y) + 0.5f - 0.5f * (float)(view->height * n)) / focal;
+            fragments[k].place[0] += spread * ((float)(column * n + x) + 0.5f - middle_x) / focal_x;
+            fragments[k].place[1] += spread * ((float)(row * n + y) + 0.5f - middle_y) / focal_y;
             fragments[k].place[2] += depth;
         }
     return count;
