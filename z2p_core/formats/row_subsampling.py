@@ -12,7 +12,7 @@ MAX_ROWS = 4_000_000
 ROWS_PER_PIXEL = 8
 """Points for each pixel of a picture: half of them are hidden, and the object covers half of the picture."""
 MIN_ROWS_LIMIT, MAX_ROWS_LIMIT = MAX_ROWS, 5_000_000
-"""Smallest and largest number of points that a picture asks for, whatever its size: the largest fits 1 GB."""
+"""Smallest and largest number of points that a picture asks for, whatever its size: the largest takes about 1 GB."""
 MAX_EXCESS = 1.2
 """Rows of a file of unknown length that may be kept, over those that are wanted, before they are thinned out."""
 BLOCK_BYTES = 32_000_000
