@@ -46,6 +46,7 @@ import numpy as np
 
 from z2p_core.errors.messages import UserError
 from z2p_core.formats.field_names import field_key
+from z2p_core.formats.row_subsampling import MAX_ROWS
 from z2p_core.scene import SceneDescription
 
 if TYPE_CHECKING:
@@ -616,6 +617,8 @@ class Reader(ABC):
     """Whether it uses `columns`; if not, the file's line says that they were ignored."""
     wanted: Collection[str] | None = ("rgb",)
     """Names of the fields that z2p needs, None for all of the file's. z2p sets it before `read`."""
+    max_rows: int = MAX_ROWS
+    """How many points the picture can show: readers of large files keep so many, spread over the file. z2p sets it."""
 
     def memory(self, path: Path) -> int:
         """Rough peak memory, in bytes, of reading and placing the file. Called first: z2p refuses what does not fit.

@@ -160,7 +160,8 @@ class _FileJob:
 
     def _render_clouds(self, planned: frozenset[Path]) -> None:
         """Renders each cloud of the file; if one fails, the others are still rendered."""
-        scans, outcome = read_scans(self.task.scan, self.columns, self.look.color_options), self.outcome
+        outcome = self.outcome
+        scans = read_scans(self.task.scan, self.columns, self.look.color_options, self._look_of(0).max_rows)
         _count_points(scans, outcome)
         if len(scans) > 1:
             outcome.outputs = numbered_outputs(self.task, len(scans), planned)

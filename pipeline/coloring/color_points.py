@@ -11,16 +11,18 @@ from z2p_core.coloring.class_palettes import class_colors
 from z2p_core.coloring.options import AUTO, DEFAULT_COLORMAP, GIVEN_FIELD, LIMIT_PERCENTILES, NONE, RGB, ColorOptions
 from z2p_core.coloring.scales import ClassColors, ColorScale
 from z2p_core.formats.field_names import field_key
+from z2p_core.formats.row_subsampling import MAX_ROWS_LIMIT
 from z2p_core.images import linear_from_srgb
 from z2p_core.interfaces import PointColors, ScanError
+from z2p_core.linalg import CHUNK_POINTS
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.coloring.fields import HEIGHT, ScalarField, find_scalars
 from z2p_renderer.storage.scans.clouds import Scan
 
 Scale = ColorScale | ClassColors
 
-MAX_COLOR_SAMPLES = 200_000
-"""Colors of a cloud that are used: several for each of its surface points."""
+MAX_COLOR_SAMPLES = MAX_ROWS_LIMIT
+"""Colors of a cloud that are used: those of all points that are drawn."""
 MISSING_VALUE_COLOR = (0.62, 0.62, 0.62)
 """sRGB of points whose field is nan."""
 RGB_RELIGHT = 1.0
@@ -47,7 +49,10 @@ class Coloring:
     def place(self, viewpoint: Viewpoint) -> PointColors:
         """The colors before the camera; of very many every k-th one."""
         step = -(-len(self.points) // MAX_COLOR_SAMPLES) or 1
-        albedo = linear_from_srgb(self.srgb[::step]).astype(np.float32)
+        srgb = self.srgb[::step]
+        albedo = np.empty(srgb.shape, np.float32)
+        for start in range(0, len(srgb), CHUNK_POINTS):  # what comes in between would take much memory
+            albedo[start : start + CHUNK_POINTS] = linear_from_srgb(srgb[start : start + CHUNK_POINTS])
         return PointColors(viewpoint.place(self.points[::step]), albedo, self.relight)
 
     def to_json(self) -> dict[str, Any]:

@@ -59,13 +59,17 @@ class ScalarField:
         return labeled or (not measured and len(np.unique(self.values)) <= MAX_LABELS)
 
 
-def read_scans(path: Path, columns: tuple[str, ...] | None, options: ColorOptions) -> list[Scan | ScanError]:
+def read_scans(
+    path: Path, columns: tuple[str, ...] | None, options: ColorOptions, max_rows: int | None = None
+) -> list[Scan | ScanError]:
     """All clouds of a file, as `read_each` reads them, with the fields and points that the options ask for.
+
+    Of a large file `max_rows` points are kept.
 
     Raises:
         ScanError: the file as a whole cannot be read.
     """
-    clouds = read_each(path, columns, options.wanted_fields)
+    clouds = read_each(path, columns, options.wanted_fields, max_rows)
     if not options.classes:
         return clouds
     kept: list[Scan | ScanError] = []

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from z2p_core.coloring.options import ColorOptions
+from z2p_core.formats.row_subsampling import rows_for_picture
 from z2p_core.interfaces import SettingError, Value
 from z2p_core.pinhole import AnyCamera, LookAt, PinholeCamera
 from z2p_core.placement.viewpoint import Viewpoint
@@ -74,6 +75,11 @@ class Look:
         if max(self.width, self.height) * self.supersample > MAX_NETWORK_SIDE:
             raise SettingError(f"expected at most {MAX_NETWORK_SIDE} pixels a side to draw, got {self.width},"
                                f"{self.height} times a supersample of {self.supersample}; make one of them smaller")
+
+    @property
+    def max_rows(self) -> int:
+        """How many points of a large file its pictures can show."""
+        return rows_for_picture(self.width * self.supersample, self.height * self.supersample)
 
     @property
     def frame_margin(self) -> float | None:

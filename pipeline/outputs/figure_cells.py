@@ -97,7 +97,7 @@ class CellDrawer:
         return self.table.shape_of(*place)
 
     def _read(self, cell: FigureCell) -> Scan:
-        scans = read_scans(cell.path, None, self.look.color_options)
+        scans = read_scans(cell.path, None, self.look.color_options, self.look.max_rows)
         if cell.cloud >= len(scans):
             raise ScanError(f"holds {len(scans)} clouds, but the table asks for number {cell.cloud + 1}")
         scan = scans[cell.cloud]

@@ -12,7 +12,7 @@ import numpy as np
 
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.errors.messages import error_reason
-from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS
+from z2p_core.formats.row_subsampling import BLOCK_BYTES
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.point_fields import BLACK_NOTE, UNUSABLE_NOTE, FieldPlan, plan_fields
@@ -38,7 +38,7 @@ class E57(Reader):
         """
         counts = _POINT_COUNT.findall(_read_description(path))
         count = sum(map(int, counts))
-        return MEMORY_A_POINT * count if count <= MAX_ROWS else MEMORY_A_POINT * MAX_ROWS + 2 * BLOCK_BYTES
+        return MEMORY_A_POINT * count if count <= self.max_rows else MEMORY_A_POINT * self.max_rows + 2 * BLOCK_BYTES
 
     def is_fragile(self, path: Path) -> bool:
         """Every file: the library is written in C++ and hardly checks a file's contents."""
@@ -57,7 +57,7 @@ class E57(Reader):
             plan = plan_fields([name.removeprefix("nor:") for name in names], self.wants)
             wanted = [names[column] for column in plan.columns]
             count = sum(file.get_header(index).point_count for index in range(file.scan_count))
-            step, rng = max(-(-count // MAX_ROWS), 1), np.random.default_rng(0)
+            step, rng = max(count / self.max_rows, 1.0), np.random.default_rng(0)
             parts = [_Part(*scans.read_scan(file, index, wanted, step, rng)) for index in range(file.scan_count)]
             if "rgb" in plan.needed:
                 for index, part in enumerate(parts):

@@ -12,7 +12,7 @@ import numpy as np
 
 from z2p_core.errors.messages import error_reason
 from z2p_core.formats.geographic import project_degrees
-from z2p_core.formats.row_subsampling import MAX_ROWS
+from z2p_core.formats.row_subsampling import stratified_rows
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.parallel import parallel_map
 from z2p_renderer.plugins.readers._helpers.las_dimensions import (
@@ -21,7 +21,7 @@ from z2p_renderer.plugins.readers._helpers.las_dimensions import (
     dimension_values,
     selected_dimensions,
 )
-from z2p_renderer.plugins.readers._helpers.las_header import check_records, promised_points
+from z2p_renderer.plugins.readers._helpers.las_header import check_records, packed_chunk_points, promised_points
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.point_fields import FieldPlan, Wants, plan_fields
 
@@ -53,7 +53,7 @@ class Las(Reader):
     def memory(self, path: Path) -> int:
         """Memory for the points that the header promises, which may be compressed far more than in other formats."""
         count = promised_points(path)
-        return min(count, MAX_ROWS) * MEMORY_A_POINT + min(count, 2 * _CHUNK_POINTS) * _UNPACKED_POINT_BYTES
+        return min(count, self.max_rows) * MEMORY_A_POINT + min(count, 2 * _CHUNK_POINTS) * _UNPACKED_POINT_BYTES
 
     def is_fragile(self, path: Path) -> bool:
         """Where points are packed: lazrs ends the process on some damaged chunks."""
@@ -73,7 +73,7 @@ class Las(Reader):
             return [np.empty((0, 3))]
         check_records(path)
         try:
-            return [_read_points(path, self.wants)]
+            return [_read_points(path, self.wants, self.max_rows)]
         except (ScanError, ImportError):
             raise
         except Exception as error:  # laspy and lazrs raise errors of any type
@@ -115,16 +115,17 @@ def _note(chunks: Sequence[_Chunk], at_offset: int) -> str:
     return "; ".join(filter(None, parts))
 
 
-def _read_points(path: Path, wants: Wants) -> RawCloud:
+def _read_points(path: Path, wants: Wants, max_rows: int) -> RawCloud:
     laspy = import_lazily("laspy")
     with _open(laspy, path) as reader:
         header = reader.header
         _check_length(path, header)
         names, count = list(header.point_format.dimension_names), header.point_count
         units, legacy, degrees = dimension_units(names), header.point_format.id < 6, _is_in_degrees(header)
+        packed = packed_chunk_points(header)
     plan = plan_fields(names, wants, [names.index(axis) for axis in "XYZ"])
-    step = max(-(-count // MAX_ROWS), 1)
-    size = max(_CHUNK_POINTS // step, 1) * step
+    step = max(count / max_rows, 1.0)
+    size = -(-max(_CHUNK_POINTS, 1) // packed) * packed  # else the start of a packed chunk is unpacked twice
     selection = selected_dimensions(laspy, names, wants)
     needed = {column: names[column] for column in plan.columns}
 
@@ -214,7 +215,7 @@ def _is_in_degrees(header: Any) -> bool:
     return False
 
 
-def _valid_points(chunk: Any, needed: Mapping[int, str], step: int, start: int) -> _Chunk:
+def _valid_points(chunk: Any, needed: Mapping[int, str], step: float, start: int) -> _Chunk:
     """The valid points of laspy's records, one at random of every `step`, with the needed dimensions; `start` is the
     index of the first record in the file."""
     raw = [np.asarray(chunk[axis]) for axis in "XYZ"]
@@ -226,9 +227,7 @@ def _valid_points(chunk: Any, needed: Mapping[int, str], step: int, start: int) 
     kept = ~unmeasured if only_noise else ~(unmeasured | noise | withheld)
     rows = np.flatnonzero(kept)
     if step > 1:
-        first = np.arange(0, len(rows), step)
-        shift = np.random.default_rng(start).random(len(first)) * np.minimum(step, len(rows) - first)
-        rows = rows[first + shift.astype(np.int64)]
+        rows = rows[stratified_rows(len(rows), step, np.random.default_rng(start))]
     points = np.empty((len(rows), 3))
     for axis, column in enumerate(raw):
         points[:, axis] = column[rows] * chunk.scales[axis] + chunk.offsets[axis]

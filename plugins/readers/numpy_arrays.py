@@ -12,7 +12,7 @@ import numpy as np
 
 from z2p_core.errors.messages import error_reason
 from z2p_core.formats.arrays.depth_maps import find_depth_and_camera, unproject_depth
-from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_blocks
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, subsample_blocks
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.array_clouds import (
     MAX_COLUMNS,
@@ -57,8 +57,8 @@ class NumpyArrays(Reader):
         if path.suffix.lower() == ".npy":
             try:
                 with path.open("rb") as file:
-                    if _is_subsampled(*_read_header(file, path.stat().st_size)):
-                        return MAX_ROWS * MEMORY_A_POINT + 2 * BLOCK_BYTES
+                    if _is_subsampled(*_read_header(file, path.stat().st_size), self.max_rows):
+                        return self.max_rows * MEMORY_A_POINT + 2 * BLOCK_BYTES
             except Exception:  # numpy raises errors of any type; read reports them
                 return 0
         return super().memory(path)
@@ -80,8 +80,8 @@ class NumpyArrays(Reader):
                 return list(_read_npz(path, self.wants))
             with path.open("rb") as file:
                 shape, column_major, dtype = _read_header(file, path.stat().st_size)
-                if _is_subsampled(shape, column_major, dtype):
-                    return [_read_subsampled(file, shape, dtype, self.wants)]
+                if _is_subsampled(shape, column_major, dtype, self.max_rows):
+                    return [_read_subsampled(file, shape, dtype, self.wants, self.max_rows)]
                 array = _read_array(file, path.stat().st_size)
             return list(clouds_from_array(plain_numbers(array), "", self.wants, record_fields(array)))
         except ScanError:
@@ -202,17 +202,17 @@ def _read_array(file: IO[bytes], size: int) -> np.ndarray:
     return array.reshape(shape[::-1]).T if column_major else array.reshape(shape)
 
 
-def _is_subsampled(shape: tuple[int, ...], column_major: bool, dtype: np.dtype) -> bool:
+def _is_subsampled(shape: tuple[int, ...], column_major: bool, dtype: np.dtype, max_rows: int) -> bool:
     """Whether this is a single row-major cloud of more points than are read."""
-    return len(shape) == 2 and 3 <= shape[1] <= MAX_COLUMNS and shape[0] > MAX_ROWS and not column_major
+    return len(shape) == 2 and 3 <= shape[1] <= MAX_COLUMNS and shape[0] > max_rows and not column_major
 
 
-def _read_subsampled(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype, wants: Wants) -> RawCloud:
+def _read_subsampled(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype, wants: Wants, max_rows: int) -> RawCloud:
     """Subsamples the rows behind a header, which are read in blocks."""
     check_shape(shape)
     row, width = shape[1] * dtype.itemsize, min(shape[1], _MAX_SUBSAMPLED_COLUMNS)
     parts = []
-    for rows, kept in subsample_blocks(shape[0], row, np.random.default_rng(0), MAX_ROWS):
+    for rows, kept in subsample_blocks(shape[0], row, np.random.default_rng(0), max_rows):
         parts.append(np.frombuffer(file.read(rows * row), dtype).reshape(rows, shape[1])[kept, :width])
     table = np.concatenate(parts)
     cloud = RawCloud(np.ascontiguousarray(table[:, :3], dtype=np.float64), total=shape[0])

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.errors.messages import error_reason
-from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, ThinnedRows
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
 from z2p_core.rotations import quaternion_rotations
 from z2p_renderer.plugins.readers._helpers.length_check import (
@@ -54,7 +54,7 @@ class Pcd(Reader):
             return MEMORY_A_CHARACTER * size
         plausible = min(header.points, _MAX_LZF_RATIO * size)  # read refuses a false count
         unpacked = size + plausible * header.row_bytes if header.data != "binary" else min(size, 2 * BLOCK_BYTES)
-        return unpacked + min(plausible, MAX_ROWS) * MEMORY_A_POINT
+        return unpacked + min(plausible, self.max_rows) * MEMORY_A_POINT
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """The file's points, one cloud (N, 3) float64; pixels without depth stay in as NaN rows.
@@ -72,7 +72,7 @@ class Pcd(Reader):
         pose = _parse_viewpoint(header)
         note = trailing_bytes_note(_check_size(header, path))
         plan = plan_arrays(header.widths, self.wants)
-        points, columns = (_load_ascii if header.data == "ascii" else _load_binary)(header, path, plan)
+        points, columns = (_load_ascii if header.data == "ascii" else _load_binary)(header, path, plan, self.max_rows)
         sensor = None if pose is None else _turn_to_points(pose, points)
         total = header.points if len(points) < header.points else None
         return [plan.fill(RawCloud(points, sensor, total, note), columns)]
@@ -238,7 +238,9 @@ def _read_part(path: Path, start: int, size: int) -> bytes:
         return file.read(size)
 
 
-def _load_binary(header: _Header, path: Path, plan: ArrayFields) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _load_binary(
+    header: _Header, path: Path, plan: ArrayFields, max_rows: int
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Points (M, 3) float64, and the planned fields, of a file whose size has been checked; very many are subsampled.
 
     Raises:
@@ -250,14 +252,16 @@ def _load_binary(header: _Header, path: Path, plan: ArrayFields) -> tuple[np.nda
     wanted = [*"xyz", *(header.given[name] for name in plan.arrays)]
     read = read_rows if header.data == "binary" else read_packed
     try:
-        columns = read(path, header.size, row, header.points, wanted, np.random.default_rng(0), MAX_ROWS)
+        columns = read(path, header.size, row, header.points, wanted, np.random.default_rng(0), max_rows)
     except Exception as error:  # the library raises errors of any type on damaged files
         raise ScanError(f"the PCD points cannot be read ({error_reason(error)}); export the file again") from error
     points = stack_float64([columns[axis] for axis in "xyz"])
     return points, {name: columns[header.given[name]] for name in plan.arrays}
 
 
-def _load_ascii(header: _Header, path: Path, plan: ArrayFields) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _load_ascii(
+    header: _Header, path: Path, plan: ArrayFields, max_rows: int
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Points (N, 3) float64, and the planned fields, of rows of numbers, read in blocks of lines.
 
     Raises:
@@ -269,25 +273,26 @@ def _load_ascii(header: _Header, path: Path, plan: ArrayFields) -> tuple[np.ndar
     where = {name: header.entries["FIELDS"].index(name) for name in names}
     spans = {name: range(starts[field], starts[field + 1]) for name, field in where.items()}
     columns = [column for span in spans.values() for column in span]
-    table = _parse_rows(header, path, columns)
+    table = _parse_rows(header, path, columns, max_rows)
     ends = np.cumsum([len(span) for span in spans.values()])
     parts = dict(zip(names, np.split(table, ends[:-1], axis=1), strict=True))
     fields = {name: _typed(header, where[header.given[name]], parts[header.given[name]]) for name in plan.arrays}
     return np.ascontiguousarray(table[:, :3]), fields
 
 
-def _parse_rows(header: _Header, path: Path, columns: Sequence[int]) -> np.ndarray:
-    """Numbers (N, len(columns)) float64 of those columns of the rows."""
-    parts, came = [np.empty((0, len(columns)))], 0
+def _parse_rows(header: _Header, path: Path, columns: Sequence[int], max_rows: int) -> np.ndarray:
+    """Numbers (M, len(columns)) float64 of those columns of the rows, of at most `max_rows`."""
+    parts, came = ThinnedRows(len(columns), max_rows, header.points), 0
     with path.open("rb") as file:
         file.seek(header.size)
         while lines := file.readlines(_BLOCK_CHARACTERS):
             rows = [line for line in lines if line.strip()]
-            parts.append(_parse_block(header, rows, columns, came) if rows else parts[0])
+            if rows:
+                parts.add(_parse_block(header, rows, columns, came))
             came += len(rows)
     if came != header.points:
         raise ScanError(f"the PCD header promises {header.points} points, {came} lines came; export it again")
-    return np.concatenate(parts)
+    return parts.table()
 
 
 def _parse_block(header: _Header, rows: list[bytes], columns: Sequence[int], before: int) -> np.ndarray:

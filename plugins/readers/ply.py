@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.formats.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
-from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_blocks
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, subsample_blocks
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._cameras.camera_hints import read_3dgs_cameras, with_camera_hints
 from z2p_renderer.plugins.readers._cameras.model_cameras import with_model_cameras
@@ -48,7 +48,7 @@ class Ply(Reader):
             header = parse_header(head)
             _check_length(header, path.stat().st_size)
             if is_packed(header):
-                return 2 * path.stat().st_size + MAX_ROWS * MEMORY_A_POINT
+                return 2 * path.stat().st_size + self.max_rows * MEMORY_A_POINT
             vertex = _find_vertex(header)
         except ScanError:
             return 0  # read reports the error
@@ -56,8 +56,8 @@ class Ply(Reader):
             return MEMORY_A_CHARACTER * path.stat().st_size
         if not _has_fixed_offsets(header, vertex):
             return vertex.count * MEMORY_A_POINT + 2 * path.stat().st_size
-        if vertex.count > MAX_ROWS:
-            return MAX_ROWS * MEMORY_A_POINT + 2 * BLOCK_BYTES
+        if vertex.count > self.max_rows:
+            return self.max_rows * MEMORY_A_POINT + 2 * BLOCK_BYTES
         return vertex.count * MEMORY_A_POINT + 2 * vertex.least_bytes(ascii=False)
 
     def read(self, path: Path) -> list[RawCloud]:
@@ -66,13 +66,13 @@ class Ply(Reader):
         Raises:
             ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
         """
-        cloud = _read_cloud(path, self.wants)
+        cloud = _read_cloud(path, self.wants, self.max_rows)
         if cloud.up:  # only Gaussians have one
             return [with_camera_hints(cloud, *read_3dgs_cameras(path))]
         return [with_model_cameras(cloud, path)]
 
 
-def _read_cloud(path: Path, wants: Wants) -> RawCloud:
+def _read_cloud(path: Path, wants: Wants, max_rows: int) -> RawCloud:
     with path.open("rb") as file:
         header = parse_header(file.read(LONGEST_HEADER))
         note = trailing_bytes_note(_check_length(header, path.stat().st_size))
@@ -87,7 +87,7 @@ def _read_cloud(path: Path, wants: Wants) -> RawCloud:
         plan = (plan_splats if splats else plan_fields)(names, wants, [names.index(axis) for axis in axes])
         needed = [names[column] for column in plan.columns]
         columns = tuple(dict.fromkeys((*axes, *(splat_columns(vertex) if splats else ()), *needed)))
-        table = _read_columns(file, header, vertex, columns)
+        table = _read_columns(file, header, vertex, columns, max_rows)
     points = np.column_stack([table[axis] for axis in axes]).astype(np.float64)
     total = vertex.count if len(points) < vertex.count else None
     cloud = plan.fill(RawCloud(points, total=total, note=note), {names.index(name): table[name] for name in needed})
@@ -98,7 +98,7 @@ def _read_cloud(path: Path, wants: Wants) -> RawCloud:
 
 
 def _read_columns(
-    file: io.BufferedReader, header: PlyHeader, vertex: PlyElement, columns: tuple[str, ...]
+    file: io.BufferedReader, header: PlyHeader, vertex: PlyElement, columns: tuple[str, ...], max_rows: int
 ) -> dict[str, np.ndarray]:
     """The columns (N,) of these names, in the types that the header tells; of very large binary files a subsample."""
     if header.ascii:
@@ -106,8 +106,8 @@ def _read_columns(
     if not _has_fixed_offsets(header, vertex):
         return _typed(parse_binary_lists(file.read(), header, vertex, columns), vertex, columns)
     _seek_vertices(file, header, vertex)
-    if vertex.count > MAX_ROWS or vertex.dtype.itemsize > _MAX_WHOLE_ROW_BYTES:
-        return _read_subsampled(file, vertex, columns)
+    if vertex.count > max_rows or vertex.dtype.itemsize > _MAX_WHOLE_ROW_BYTES:
+        return _read_subsampled(file, vertex, columns, max_rows)
     table = np.frombuffer(file.read(vertex.least_bytes(ascii=False)), vertex.dtype)
     return {name: table[name] for name in columns}
 
@@ -170,12 +170,12 @@ def _has_fixed_offsets(header: PlyHeader, vertex: PlyElement) -> bool:
 
 
 def _read_subsampled(
-    file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...]
+    file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...], max_rows: int
 ) -> dict[str, np.ndarray]:
     """Reads the vertex rows in blocks, a subsample of very many."""
     size = vertex.dtype.itemsize
     parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
-    for rows, kept in subsample_blocks(vertex.count, size, np.random.default_rng(0), MAX_ROWS):
+    for rows, kept in subsample_blocks(vertex.count, size, np.random.default_rng(0), max_rows):
         block = np.frombuffer(file.read(rows * size), vertex.dtype)
         for name, part in parts.items():
             part.append(block[name][kept])

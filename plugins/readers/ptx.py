@@ -9,9 +9,10 @@ from typing import TextIO
 
 import numpy as np
 
+from z2p_core.formats.row_subsampling import ThinnedRows
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.point_fields import plan_fields
-from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
+from z2p_renderer.plugins.readers._text.memory_need import estimate_lines, memory_of_lines
 
 _NUMBERS_PER_HEADER_LINE = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
 """Header of a scan: columns and rows of its grid, the scanner's position and axes, and a 4 x 4 matrix."""
@@ -31,7 +32,7 @@ class Ptx(Reader):
 
     def memory(self, path: Path) -> int:
         """An estimate from the first lines; the text is read in blocks."""
-        return memory_of_lines(path)
+        return memory_of_lines(path, self.max_rows)
 
     def read(self, path: Path) -> list[RawCloud]:
         """All scans of the file in its common axes, one cloud (N, 3) float64; cells that measured nothing are left out.
@@ -40,21 +41,25 @@ class Ptx(Reader):
             ScanError: a header of another form, a scan that is cut short, or something not a number.
         """
         plan = plan_fields(_CELL_NAMES, self.wants, (0, 1, 2))
-        table, width = [np.empty((0, 3 + len(plan.columns)))], 0
+        thinned, width, total = ThinnedRows(3 + len(plan.columns), self.max_rows, estimate_lines(path)), 0, 0
         with path.open(encoding="utf-8-sig", errors="replace") as file:
-            for rows, given in _iter_cells(file, (0, 1, 2, *plan.columns)):
-                table.append(rows)
-                width = max(width, given)
-        whole = np.concatenate(table)
+            for rows, given, cells in _iter_cells(file, (0, 1, 2, *plan.columns), thinned):
+                thinned.keep(rows)
+                width, total = max(width, given), total + cells
+        whole = thinned.table()
         columns = {column: whole[:, 3 + index] for index, column in enumerate(plan.columns)}
         missing = [name for name, places in plan.columns_of.items() if max(places) >= width]
-        return [plan.without(*missing).fill(RawCloud(np.ascontiguousarray(whole[:, :3])), columns)]
+        cloud = RawCloud(np.ascontiguousarray(whole[:, :3]), total=total if thinned.is_thinned else None)
+        return [plan.without(*missing).fill(cloud, columns)]
 
 
-def _iter_cells(file: TextIO, columns: tuple[int, ...]) -> Iterator[tuple[np.ndarray, int]]:
-    """Blocks of the cells (N, 3 or more) of all scans that measured something, and the width of their rows.
+def _iter_cells(
+    file: TextIO, columns: tuple[int, ...], thinned: ThinnedRows
+) -> Iterator[tuple[np.ndarray, int, int]]:
+    """Blocks of the cells (N, 3 or more) that measured something, the width of their rows, and how many cells each is.
 
-    The first three `columns` are x, y and z, transformed by each scan's matrix.
+    Only cells that `thinned` chooses are parsed. The first three `columns` are x, y and z, transformed by each scan's
+    matrix.
     """
     line = 0
     while header := _read_header(file, line):
@@ -65,14 +70,15 @@ def _iter_cells(file: TextIO, columns: tuple[int, ...]) -> Iterator[tuple[np.nda
             expected = min(_BLOCK_LINES, cells - start)
             lines = list(islice(file, expected))
             width = len(lines[0].split()) if lines else 0
-            rows = _parse_cells(lines, line, columns, width)
+            chosen = thinned.choose(len(lines))
+            rows = _parse_cells(lines, line, columns, width, chosen)
             line += len(lines)
-            if len(rows) < expected:
+            if len(rows) < (expected if chosen is None else -(-len(chosen) * expected // max(len(lines), 1))):
                 raise ScanError(f"a scan of {header[0][0]:g} x {header[1][0]:g} cells ends in line {line}, after "
                                 f"{start + len(rows)}; the file is cut short: export it again")
             measured = rows[rows[:, :3].any(1)]
             measured[:, :3] = measured[:, :3] @ matrix[:3, :3] + matrix[3, :3]  # points are row vectors
-            yield measured, width
+            yield measured, width, expected
 
 
 def _read_header(file: TextIO, first_line: int) -> list[list[float]]:
@@ -97,8 +103,12 @@ def _read_header(file: TextIO, first_line: int) -> list[list[float]]:
     return numbers
 
 
-def _parse_cells(rows: list[str], first_line: int, columns: tuple[int, ...], width: int) -> np.ndarray:
+def _parse_cells(
+    rows: list[str], first_line: int, columns: tuple[int, ...], width: int, chosen: np.ndarray | None
+) -> np.ndarray:  # fmt: skip
     """Parses `columns` (N, len(columns)) float64 of the rows behind the first `first_line` lines of the file.
+
+    Of the rows only the `chosen` ones are parsed, None for all.
 
     Columns that the rows of `width` do not have are NaN.
 
@@ -109,7 +119,8 @@ def _parse_cells(rows: list[str], first_line: int, columns: tuple[int, ...], wid
     try:
         if not any(map(str.strip, rows)):
             return np.empty((0, len(columns)))
-        table = np.loadtxt(rows, np.float64, comments=None, usecols=given, ndmin=2)
+        parsed = rows if chosen is None else [rows[index] for index in chosen.tolist()]
+        table = np.loadtxt(parsed, np.float64, comments=None, usecols=given, ndmin=2)
         missing = np.full((len(table), len(columns) - len(given)), np.nan)
         return np.column_stack([table, missing])
     except ValueError as error:

@@ -10,20 +10,21 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.formats.geographic import project_degrees
+from z2p_core.formats.row_subsampling import ThinnedRows
 from z2p_core.formats.tables.camera_poses import are_pose_names
 from z2p_core.formats.tables.header_lines import is_count, is_row
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._text.column_doubts import (
+    RowIndex,
     check_first_columns,
     example_column_names,
-    is_row_index,
     refuse_other_tables,
 )
 from z2p_renderer.plugins.readers._text.esri_grid import is_esri_grid, read_esri_grid
 from z2p_renderer.plugins.readers._text.header import Head, as_colmap, parse_head
 from z2p_renderer.plugins.readers._text.line_blocks import content_blocks, has_long_lines, line_number, truncation_hint
-from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
+from z2p_renderer.plugins.readers._text.memory_need import estimate_lines, memory_of_lines
 from z2p_renderer.plugins.readers._text.row_format import SAMPLE_ROWS, BadLineError, RowFormat, detect_row_format
 from z2p_renderer.plugins.readers._text.text_fields import TextFields, named_fields, unnamed_fields
 from z2p_renderer.plugins.readers._text.unsupported_notations import missing_height_hint, notation_message
@@ -45,7 +46,7 @@ class Text(Reader):
 
     def memory(self, path: Path) -> int:
         """An estimate from the first lines; the text is read in blocks, and lines of any length are refused early."""
-        needed = memory_of_lines(path)
+        needed = memory_of_lines(path, self.max_rows)
         return min(needed, _MAX_LONG_LINE_MEMORY_BYTES) if has_long_lines(path) else needed
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
@@ -92,9 +93,9 @@ class Text(Reader):
                             "its places, name each column with --columns")
         head_of_names = Head() if self.columns else head
         fields = named_fields(row_format, head_of_names, row_format.table(rows[:_NAMED_SAMPLE_ROWS]), self.wants)
-        scans = _read_table(path, fields.apply_to(row_format), head, blocks)
+        scans = _read_table(path, fields.apply_to(row_format), head, blocks, self.max_rows)
         _check_counts(path, head, scans)
-        return fields.fill(_named_cloud(scans, head_of_names, path), scans.values)
+        return fields.fill(replace(_named_cloud(scans, head_of_names, path), total=scans.total), scans.values)
 
     def _read_unnamed(
         self, path: Path, row_format: RowFormat, head: Head, rows: list[str], blocks: Iterable[list[str]]
@@ -108,18 +109,18 @@ class Text(Reader):
         sample = row_format.table(rows[:sample_rows])
         refuse_other_tables(sample, path.stat().st_size // (len(rows[0]) + 1))
         fields = self._unnamed_fields(row_format, sample, path)
-        scans = _read_table(path, fields.apply_to(row_format), head, blocks)
+        scans = _read_table(path, fields.apply_to(row_format), head, blocks, self.max_rows)
         _check_counts(path, head, scans)
         note = scans.note
-        if row_format.width > 3 and is_row_index(scans.points[:, 0]):
+        if row_format.width > 3 and scans.are_numbered:
             row_format = replace(row_format, xyz_columns=(1, 2, 3))
             fields = self._unnamed_fields(row_format, sample, path)
-            scans = _read_table(path, fields.apply_to(row_format), head, _reread_rows(path, head))
+            scans = _read_table(path, fields.apply_to(row_format), head, _reread_rows(path, head), self.max_rows)
             check_first_columns(scans.points, sample[:, 1:], 2)
             note = _join_notes(_row_index_note(row_format.width), scans.note)
         else:
             check_first_columns(scans.points, sample)
-        return fields.fill(RawCloud(scans.points, note=note), scans.values)
+        return fields.fill(RawCloud(scans.points, total=scans.total, note=note), scans.values)
 
     def _unnamed_fields(self, row_format: RowFormat, sample: np.ndarray, path: Path) -> TextFields:
         return unnamed_fields(row_format, sample, path.suffix.lower(), self.wants)
@@ -148,6 +149,16 @@ class _TableScans:
     """The number of points of each scan."""
     promised: list[tuple[str, int]] = field(default_factory=list)
     """For each scan but the first, the number of its points as written in the file, and the index of that line."""
+
+    is_thinned: bool = False
+    """Whether `points` are a subsample of the rows."""
+    are_numbered: bool = False
+    """Whether the first column counts the rows from 0 or 1."""
+
+    @property
+    def total(self) -> int | None:
+        """The number of rows, if the points are a subsample of them."""
+        return sum(self.counts) if self.is_thinned else None
 
     @property
     def note(self) -> str:
@@ -192,7 +203,7 @@ def _row_index_note(width: int) -> str:
 
 def _check_counts(path: Path, head: Head, scans: _TableScans) -> None:
     """Raises ScanError if a scan has another number of points than its line says; the first may give the total."""
-    if head.promised is None or (scans.promised and head.promised == str(len(scans.points))):
+    if head.promised is None or (scans.promised and head.promised == str(sum(scans.counts))):
         return
     promises = [(head.promised, head.promised_at), *scans.promised]
     for (promised, line_index), count in zip(promises, scans.counts, strict=True):
@@ -208,24 +219,48 @@ def _reread_rows(path: Path, head: Head) -> Iterable[list[str]]:
     return chain([first[head.lines :] or next(blocks, [])], blocks)
 
 
-def _read_table(path: Path, row_format: RowFormat, head: Head, blocks: Iterable[list[str]]) -> _TableScans:
-    """Parses blocks of rows, between which lines may hold the number of points of the next scan."""
-    scans, before = _TableScans(), head.lines
-    parts = [np.empty((0, 3 + len(row_format.field_columns) + row_format.list_lengths))]
+def _read_table(
+    path: Path, row_format: RowFormat, head: Head, blocks: Iterable[list[str]], max_rows: int
+) -> _TableScans:
+    """Parses blocks of rows, between which lines may hold the number of points of the next scan.
+
+    Of very many rows some are kept. The others are parsed only where they may be such lines.
+    """
+    scans, before, index = _TableScans(), head.lines, RowIndex()
+    columns = 3 + len(row_format.field_columns) + row_format.list_lengths
+    thinned = ThinnedRows(columns, max_rows, estimate_lines(path))
     several = head.promised is not None and (not row_format.named or path.suffix.lower() == ".pts")
     for rows in blocks:
+        chosen = None if several else thinned.choose(len(rows))
         try:
-            points = [row_format.numbers(rows)]
+            points = [_parse_rows(row_format, rows, chosen)]
             scans.counts[-1] += len(rows)
         except BadLineError as error:
             if not several or not any(map(is_count, rows)):
                 raise _bad_line_error(error, row_format, rows, path, before) from error
             points = _split_scans(path, row_format, rows, before, scans)
-        parts += points
+        for part in points:
+            index.follow(part[:, 0], chosen, len(part) if chosen is None else len(rows))
+            (thinned.add if chosen is None else thinned.keep)(part)
         before += len(rows)
-    table = np.concatenate(parts)
+    table, scans.is_thinned, scans.are_numbered = thinned.table(), thinned.is_thinned, index.counts_rows
     scans.points, scans.values = (table, table[:, 3:]) if table.shape[1] == 3 else (table[:, :3].copy(), table[:, 3:])
     return scans
+
+
+def _parse_rows(row_format: RowFormat, rows: list[str], chosen: np.ndarray | None) -> np.ndarray:
+    """The numbers (N, C) of the chosen rows, or of all.
+
+    Raises:
+        BadLineError: with the index among all rows.
+    """
+    if chosen is None:
+        return row_format.numbers(rows)
+    try:
+        return row_format.numbers([rows[index] for index in chosen.tolist()])
+    except BadLineError:
+        row_format.numbers(rows)
+        raise
 
 
 def _split_scans(

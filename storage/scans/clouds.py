@@ -77,12 +77,13 @@ class Scan:
 
 
 def read_clouds(
-    path: Path, columns: tuple[str, ...] | None = None, wanted: Collection[str] | None = ("rgb",)
-) -> list[Scan]:
+    path: Path, columns: tuple[str, ...] | None = None, wanted: Collection[str] | None = ("rgb",),
+    max_rows: int | None = None,
+) -> list[Scan]:  # fmt: skip
     """Reads all clouds of a file: one, or those of a batch. The suffix, in any case, selects the reader.
 
     A .gz file is unpacked on the way. `columns` names the columns of a text file, `wanted` the fields that are needed
-    beside x, y and z (None for all).
+    beside x, y and z (None for all), `max_rows` how many points are kept of a large file.
 
     Raises:
         ScanError: there is no such file or no reader for its suffix, the file is damaged or too large for the free
@@ -90,7 +91,7 @@ def read_clouds(
             names the file.
     """
     scans = []
-    for scan in read_each(path, columns, wanted):
+    for scan in read_each(path, columns, wanted, max_rows):
         if isinstance(scan, ScanError):
             raise scan
         scans.append(scan)
@@ -98,8 +99,9 @@ def read_clouds(
 
 
 def read_each(
-    path: Path, columns: tuple[str, ...] | None = None, wanted: Collection[str] | None = ("rgb",)
-) -> list[Scan | ScanError]:
+    path: Path, columns: tuple[str, ...] | None = None, wanted: Collection[str] | None = ("rgb",),
+    max_rows: int | None = None,
+) -> list[Scan | ScanError]:  # fmt: skip
     """Reads all clouds of a file like `read_clouds`, but returns the error of an unusable cloud in its place.
 
     Raises:
@@ -110,6 +112,7 @@ def read_each(
             raise ScanError("expected a file, got a folder; name one in it, or give the folder to z2p run-inference")
         reader = reader_for(path)
         reader.columns, reader.wanted = columns, wanted
+        reader.max_rows = max_rows or reader.max_rows
         check_openable(path)
         free = free_memory()
         with unpacked_file(path, None if free is None else free // MEMORY_A_BYTE) as plain:

@@ -47,7 +47,7 @@ def read_in_subprocess(reader: Reader, path: Path, memory: int) -> list[RawCloud
         kind = type(reader)
         request = {"module": kind.__module__, "reader": kind.__qualname__, "path": str(path.absolute()),
                    "memory": memory, "columns": reader.columns and list(reader.columns),
-                   "wanted": None if reader.wanted is None else list(reader.wanted),
+                   "wanted": None if reader.wanted is None else list(reader.wanted), "max_rows": reader.max_rows,
                    "result": result.fileno()}  # fmt: skip
         command = [sys.executable, "-c", _START_CODE, json.dumps(request), json.dumps(sys.path)]
         try:
@@ -130,7 +130,7 @@ def serve() -> None:
             kind = getattr(kind, name)
         reader = kind()
         reader.columns = request["columns"] and tuple(request["columns"])
-        reader.wanted = request["wanted"]
+        reader.wanted, reader.max_rows = request["wanted"], request["max_rows"]
         clouds = reader.read(Path(request["path"]))
         _write(request["result"], [cloud if isinstance(cloud, RawCloud) else RawCloud(cloud) for cloud in clouds])
     except Exception as error:

@@ -17,7 +17,7 @@ import numpy as np
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
 from z2p_core.errors.value_limits import describe_value
 from z2p_core.interfaces import ScanError, SettingError
-from z2p_core.linalg import rotate_points
+from z2p_core.linalg import CHUNK_POINTS, rotate_points
 from z2p_core.placement.framing_sphere import framing_sphere
 
 JSON_VERSION = 1
@@ -47,10 +47,12 @@ class Viewpoint:
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Cloud (N, 3) float32 in world units of points (N, 3) in the data's; float64 inside, so UTM keeps digits."""
-        placed = points.astype(np.float64)
-        placed -= self.centre
-        placed /= self.radius
-        world: np.ndarray = rotate_points(placed, np.array(self.rotation)).astype(np.float32)
+        world, rotation = np.empty(points.shape, np.float32), np.array(self.rotation)
+        for start in range(0, len(points), CHUNK_POINTS):  # float64 of very many points would take much memory
+            placed = points[start : start + CHUNK_POINTS].astype(np.float64)
+            placed -= self.centre
+            placed /= self.radius
+            world[start : start + CHUNK_POINTS] = rotate_points(placed, rotation)
         return world
 
     def unplace(self, cloud: np.ndarray) -> np.ndarray:

@@ -33,6 +33,8 @@ MAX_COLOR_DISTANCE = 0.08
 more than the radius of the balls of very small clouds, and less than the distance of outliers."""
 MAX_COLOR_DISTANCE_SPACINGS = 4.0
 """The same in spacings; the larger of both counts."""
+COLORS_PER_POINT = 5
+"""Colors for each surface point of which its mean is taken; more make no difference."""
 MAX_SPREAD_ROUNDS = 32
 """Steps from neighbor to neighbor over which colors spread to surface points that have none."""
 
@@ -52,6 +54,9 @@ def surface_albedo(surface: SurfacePoints, colors: PointColors) -> np.ndarray:
     Points that are nearest to no color get the mean of their neighbors'.
     """
     count = len(surface.points)
+    step = max(len(colors.points) // (COLORS_PER_POINT * count), 1)
+    if step > 1:
+        colors = PointColors(colors.points[::step], colors.albedo[::step], colors.relight)
     nearest = surface.grid.nearest_to_positions(colors.points)
     offsets = surface.grid.points[nearest] - colors.points
     if len(nearest) == count and not offsets.any() and (np.bincount(nearest) == 1).all():

@@ -229,7 +229,7 @@ class _Loop:
         from z2p_renderer.pipeline.coloring.fields import read_scans
 
         clouds = []
-        for cloud in read_scans(self.task.scan, self.columns, self.look.color_options):
+        for cloud in read_scans(self.task.scan, self.columns, self.look.color_options, self.look.max_rows):
             if isinstance(cloud, ScanError):
                 raise cloud
             clouds.append(cloud)

@@ -156,7 +156,7 @@ def _draw_again(
     look = replace(look, dpi=record.get("dpi"), marks=marks)
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
-    clouds = read_scans(scan, columns, look.color_options)
+    clouds = read_scans(scan, columns, look.color_options, look.max_rows)
     if source["cloud"] >= len(clouds):
         raise CommandError(f"{scan} holds {len(clouds)} clouds; the picture shows number {source['cloud'] + 1}")
     cloud = clouds[source["cloud"]]

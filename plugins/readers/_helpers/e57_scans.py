@@ -5,6 +5,7 @@ pye57 itself reads few fields, and colors of 8 bits alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -32,11 +33,11 @@ def attribute_names(file: Any) -> list[str]:
 
 
 def read_scan(
-    file: Any, index: int, wanted: Sequence[str], step: int, rng: np.random.Generator
+    file: Any, index: int, wanted: Sequence[str], step: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Points (N, 3) float64 of a scan in the file's common axes, and the wanted values (N,) that it has.
 
-    The scan is read in blocks. Of every `step` records, one is kept at random. Points that are marked invalid are left
+    The scan is read in blocks. Of each `step` records one is kept at random. Points that are marked invalid are left
     out; other values that are become NaN.
     """
     header = file.get_header(index)
@@ -54,12 +55,12 @@ def _place_names(header: Any) -> tuple[tuple[str, ...], str]:
     return places, "cartesianInvalidState" if is_cartesian else "sphericalInvalidState"
 
 
-def _blocks(count: int, width: int, step: int, rng: np.random.Generator) -> list[tuple[int, np.ndarray]]:
-    return list(subsample_blocks(count, width, rng, -(-count // step))) if count else []
+def _blocks(count: int, width: int, step: float, rng: np.random.Generator) -> list[tuple[int, np.ndarray]]:
+    return list(subsample_blocks(count, width, rng, math.ceil(count / step))) if count else []
 
 
 def _read_blocks(
-    header: Any, file: Any, wanted: Sequence[str], step: int, rng: np.random.Generator
+    header: Any, file: Any, wanted: Sequence[str], step: float, rng: np.random.Generator
 ) -> Iterator[dict[str, np.ndarray]]:
     """What the records hold of each point: coordinates, wanted values and states, in blocks."""
     places, invalid_state = _place_names(header)

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from z2p_core.interfaces import ScanError
+
+_LAZ_RECORD_ID, _CHUNK_SIZE_AT = 22204, 12
+"""Number of the record that says how points are packed, and where in it the size of a chunk stands."""
+_MAX_CHUNK_POINTS = 1_000_000
+"""Larger chunks are cut where a block of points ends."""
 
 
 def promised_points(path: Path) -> int:
@@ -17,6 +22,16 @@ def promised_points(path: Path) -> int:
     if head[:4] != b"LASF" or path.stat().st_size < (legacy or count) // 100:
         return 0  # another format, or a lie: read says so
     return int(count if head[24:26] >= b"\x01\x04" and count else legacy)
+
+
+def packed_chunk_points(header: Any) -> int:
+    """Points of each chunk of a compressed file, by laspy's header; 1 where they are not packed, or chunks differ."""
+    for record in header.vlrs:
+        data = getattr(record, "record_data", b"") if getattr(record, "record_id", None) == _LAZ_RECORD_ID else b""
+        if len(data) >= _CHUNK_SIZE_AT + 4:
+            (points,) = struct.unpack_from("<I", data, _CHUNK_SIZE_AT)
+            return int(points) if 0 < points <= _MAX_CHUNK_POINTS else 1
+    return 1
 
 
 def check_records(path: Path) -> None:

@@ -37,6 +37,28 @@ def is_row_index(column: np.ndarray) -> bool:
     return len(column) >= MIN_ROWS and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
 
 
+class RowIndex:
+    """Whether a column that comes in parts counts the rows from 0 or 1."""
+
+    def __init__(self) -> None:
+        self._first: float | None = None
+        self._rows = 0
+        self._fits = True
+
+    def follow(self, column: np.ndarray, rows: np.ndarray | None, count: int) -> None:
+        """Takes the numbers (N,) of some `rows` (N,) of the next `count`; None for all of them."""
+        if self._fits and len(column):
+            offset = column - ((np.arange(count) if rows is None else rows) + self._rows)
+            self._first = float(offset[0]) if self._first is None else self._first
+            self._fits = self._first in (0.0, 1.0) and bool((offset == self._first).all())
+        self._rows += count
+
+    @property
+    def counts_rows(self) -> bool:
+        """Whether it does, by all that came."""
+        return self._fits and self._first is not None and self._rows >= MIN_ROWS
+
+
 def refuse_other_tables(sample: np.ndarray, rows: int) -> None:
     """Refuses tables without column names that are no points, by the first rows (N, M) of about `rows`.
 

@@ -10,8 +10,18 @@ _SAMPLE_BYTES = 1 << 16
 """Bytes from which the length of a line is estimated."""
 
 
-def memory_of_lines(path: Path) -> int:
-    """Upper bound, in bytes, of the memory for a text with one point per line, which is read in blocks."""
+def estimate_lines(path: Path) -> int:
+    """About how many lines a text has, by the length of its first ones."""
+    with path.open("rb") as file:
+        head = file.read(_SAMPLE_BYTES)
+    return path.stat().st_size * max(head.count(b"\n"), 1) // max(len(head), 1)
+
+
+def memory_of_lines(path: Path, max_rows: int) -> int:
+    """Upper bound, in bytes, of the memory for a text with one point per line, which is read in blocks.
+
+    Of more than `max_rows` lines about so many are kept.
+    """
     with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
     if head.lstrip()[:5].lower() in (b"ncols", b"nrows"):  # a raster, each number of which is a point
@@ -19,4 +29,4 @@ def memory_of_lines(path: Path) -> int:
     lines = head.count(b"\n")
     if lines < 2:  # one endless line would be in memory as a whole
         return MEMORY_A_BYTE * path.stat().st_size
-    return path.stat().st_size * lines // len(head) * MEMORY_A_POINT
+    return min(path.stat().st_size * lines // len(head), 2 * max_rows) * MEMORY_A_POINT

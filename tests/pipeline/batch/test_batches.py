@@ -114,13 +114,13 @@ def test_only_one_large_file_at_a_time_is_in_memory(
     both_light = threading.Barrier(2, timeout=20)
     original = batch.read_scans
 
-    def watched(path: Path, columns: None, options: ColorOptions) -> list[batch.Scan]:
+    def watched(path: Path, columns: None, options: ColorOptions, max_rows: int) -> list[batch.Scan]:
         at_work.add(path.stem)
         together.add(frozenset(at_work))
         if path.stem.startswith("light"):
             both_light.wait()  # for ever, if they came one after the other
         try:
-            return original(path, columns, options)
+            return original(path, columns, options, max_rows)
         finally:
             at_work.remove(path.stem)
 
@@ -144,11 +144,11 @@ def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, mon
     alive, most, lock = [0], [0], threading.Lock()
     original = batch.read_scans
 
-    def counted(path: Path, columns: None, options: ColorOptions) -> list[batch.Scan]:
+    def counted(path: Path, columns: None, options: ColorOptions, max_rows: int) -> list[batch.Scan]:
         with lock:
             alive[0] += 1
             most[0] = max(most[0], alive[0])
-        return original(path, columns, options)
+        return original(path, columns, options, max_rows)
 
     def drawn(*arguments: object) -> None:
         with lock:

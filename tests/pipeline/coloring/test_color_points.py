@@ -108,3 +108,10 @@ def test_a_series_of_labels_lists_all_of_them() -> None:
 def test_a_series_without_the_field_has_no_scale() -> None:
     assert share_scale([(scan(), "")], ColorOptions("label"), place) == (ColorOptions("label"), None)
     assert share_scale([(scan(), "")], ColorOptions(), place) == (ColorOptions(), None)
+
+
+def test_every_point_of_a_dense_cloud_keeps_its_color() -> None:
+    points = np.random.default_rng(2).normal(size=(300_000, 3))
+    colors = Coloring(points, np.full(points.shape, 0.5, np.float32), relight=1.0).place(VIEWPOINT)
+    np.testing.assert_array_equal(colors.points, VIEWPOINT.place(points))
+    assert len(colors.albedo) == len(points)

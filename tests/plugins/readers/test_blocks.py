@@ -94,7 +94,7 @@ def test_a_pcd_of_very_many_points_is_subsampled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoding: Encoding
 ) -> None:
     write_pcd(tmp_path / "a.pcd", encoding)
-    monkeypatch.setattr("z2p_renderer.plugins.readers.pcd.MAX_ROWS", 50)
+    monkeypatch.setattr(Pcd, "max_rows", 50)
     (cloud,) = Pcd().read(tmp_path / "a.pcd")
     rows = cloud.points[:, 0].astype(int) - 1
     assert cloud.total == COUNT

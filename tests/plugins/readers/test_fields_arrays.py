@@ -104,7 +104,7 @@ def test_point_maps_take_their_picture(tmp_path: Path, first: bool) -> None:
 
 def test_a_subsample_keeps_columns_and_points_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     np.save(tmp_path / "a.npy", np.column_stack([POINTS, COLORS, np.arange(COUNT)]).astype("f4"))
-    monkeypatch.setattr(numpy_arrays, "MAX_ROWS", 30)
+    monkeypatch.setattr(numpy_arrays.NumpyArrays, "max_rows", 30)
     cloud = read(tmp_path / "a.npy")
     rows = cloud.fields["column 7"].astype(int)
     assert cloud.total == COUNT and np.array_equal(cloud.points, POINTS[rows].astype("f8"))

@@ -90,7 +90,7 @@ def test_fields_lose_the_rows_of_noise(tmp_path: Path, suffix: str, monkeypatch:
     cloud = read(path)
     np.testing.assert_allclose(cloud.fields["rgb"], COLORS[classes == 2] / 65535, atol=1e-6)
     assert np.array_equal(cloud.fields["intensity"], INTENSITY[classes == 2])
-    monkeypatch.setattr(las, "MAX_ROWS", 100)
+    monkeypatch.setattr(las.Las, "max_rows", 100)
     monkeypatch.setattr(las, "_CHUNK_POINTS", 90)
     cloud = read(path)
     rows = [int(np.abs(POINTS - point).sum(1).argmin()) for point in cloud.points]

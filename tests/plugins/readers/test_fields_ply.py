@@ -79,7 +79,7 @@ def test_normals_and_scalars_come_by_name(tmp_path: Path, encoding: str) -> None
 
 def test_a_subsample_keeps_rows_and_fields_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path / "a.ply", **of(RGB, "u1", BYTES), number=("i4", np.arange(COUNT)))
-    monkeypatch.setattr(ply, "MAX_ROWS", 20)
+    monkeypatch.setattr(ply.Ply, "max_rows", 20)
     cloud = read(path)
     rows = cloud.fields["number"]
     assert cloud.total == COUNT and len(rows) == 20

@@ -289,8 +289,8 @@ def test_very_large_clouds_are_subsampled(
         path.write_bytes(header.encode() + table.tobytes())
     [whole] = read_clouds(path)
     before = plugin().memory(path)
-    for name, value in {"MAX_ROWS": 1000, "BLOCK_BYTES": 0}.items():
-        monkeypatch.setattr(sys.modules[plugin.__module__], name, value)
+    monkeypatch.setattr(plugin, "max_rows", 1000)
+    monkeypatch.setattr(sys.modules[plugin.__module__], "BLOCK_BYTES", 0)
     [some] = read_clouds(path)
     assert whole.total is None and len(whole.points) == 4999
     assert some.total == 5000 and 999 <= len(some.points) <= 1000

@@ -73,7 +73,7 @@ def test_unmeasured_points_are_left_out(tmp_path: Path) -> None:
 def test_large_files_are_subsampled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = survey(tmp_path / "a.las", 0)
     assert Las().memory(path) > 300 * 170
-    monkeypatch.setattr(las, "MAX_ROWS", 100)
+    monkeypatch.setattr(las.Las, "max_rows", 100)
     monkeypatch.setattr(las, "_CHUNK_POINTS", 90)
     cloud = read(path)
     assert cloud.total == 300 and len(cloud.points) == 100

@@ -63,3 +63,12 @@ def test_a_red_wall_tints_the_white_one_beside_it() -> None:
         tints.append(relative[0, row, column] / relative[1, row, column])
     assert tints[0] > 1.03 * tints[1]
     assert tints[1] == pytest.approx(1, abs=0.01)
+
+
+def test_many_more_colors_than_points_give_their_mean() -> None:
+    cloud, colored = sphere(2000), sphere(50_000, seed=3)
+    albedo = np.repeat((colored[:, 2:] > 0).astype(np.float32), 3, axis=1)
+    surface = estimate_surface(cloud, use_normal_gnn=False)
+    found = surface_albedo(surface, PointColors(colored, albedo))
+    clear = np.abs(surface.points[:, 2]) > 0.2
+    np.testing.assert_allclose(found[clear, 0], (surface.points[clear, 2] > 0).astype(np.float32), atol=1e-6)
