@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from z2p_core import native
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import linear_from_srgb, srgb_from_linear
 from z2p_core.interfaces import PointColors
@@ -17,6 +18,7 @@ from z2p_core.shading.detail_light import transfer_light
 from z2p_core.shading.light_transport import LightField, Quality
 from z2p_core.shading.surfels import make_surfels
 from z2p_core.shading.textured_light import surface_albedo
+from z2p_core.surface.noise_level import neighbor_count
 from z2p_core.surface.normals import SurfacePoints, estimate_surface
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS
 from z2p_core.surface.viewer_facing import face_viewer
@@ -29,6 +31,10 @@ MAX_DISTANCE_ERROR = 1e-6
 """Difference from the usual distance of the camera that is rounding, in world units."""
 PATCH_NEIGHBORS = 12
 """Neighbors to whose places a clean surface is fitted: fewer than for a sparse cloud, whose points are no means."""
+MAX_RELIEF_TO_SPACING = 0.15
+"""Noise, in spacings, up to which it is taken for fine relief, which more neighbors would smooth away."""
+NEIGHBORS_PER_NOISE = 150.0
+"""Neighbors added for each spacing of noise beyond, until there are as many as in a sparse cloud."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +67,20 @@ def visible_detail(
     merged = visible_points(cloud, values, camera, own_spacing, surface.noise)
     if not len(merged.points):  # all of it lies beside the image
         return None
-    shown = estimate_surface(merged.points, use_normal_gnn=False, least_neighbors=PATCH_NEIGHBORS)
+    grid = native.ScreenGrid(merged.points, camera)
+    shown = estimate_surface(merged.points, False, count_patch_neighbors, grid)
     surfels, radii = make_surfels(shown, max(float(np.median(shown.spacing)), MIN_SPACING))
+    if merged.values is not None and shown.grid is grid:
+        return Detail(shown, surfels, radii, merged.values[grid.order])
     if merged.values is not None:
         colors = PointColors(merged.points, merged.values)
     return Detail(shown, surfels, radii, None if colors is None else surface_albedo(shown, colors))
+
+
+def count_patch_neighbors(noise: float) -> int:
+    """Number of neighbors that a patch of the shown points is fitted to, for noise in spacings."""
+    beyond = NEIGHBORS_PER_NOISE * max(noise - MAX_RELIEF_TO_SPACING, 0)
+    return int(min(PATCH_NEIGHBORS + beyond, neighbor_count(noise)))
 
 
 def _is_usual(camera: Camera) -> bool:

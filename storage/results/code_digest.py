@@ -11,12 +11,15 @@ from functools import lru_cache
 from pathlib import Path
 
 import z2p_core
-from z2p_renderer.storage.results.c_code_digest import c_digest
+from z2p_renderer.storage.results import c_code_digest
+from z2p_renderer.storage.results.kept_digests import KeptDigests
 
 INSTALLED_PACKAGE = "z2p_renderer"
 SOURCE_ROOT = Path(__file__).parents[2]
 """Folder that holds `pipeline`, `storage` and so on: the checkout, or the installed package `INSTALLED_PACKAGE`."""
 CORE_FOLDER = Path(z2p_core.__file__).parent
+
+_kept_digests = KeptDigests(__file__, c_code_digest.__file__)
 
 
 @lru_cache(maxsize=256)
@@ -36,8 +39,12 @@ def current_part_digest(name: str) -> str:
     """
     if "/" in name:
         path = CORE_FOLDER.parent / name
-        digest = {".c": c_digest, ".h": c_digest, ".py": code_digest}.get(path.suffix)
-        return digest(path.read_text(encoding="utf-8")) if digest else hashlib.sha256(path.read_bytes()).hexdigest()
+        if path.suffix not in (".c", ".h", ".py"):
+            return hashlib.sha256(path.read_bytes()).hexdigest()
+        source = path.read_text(encoding="utf-8")
+        if path.suffix == ".py":
+            return code_digest(source)
+        return _kept_digests.get("C", source, lambda: c_code_digest.c_digest(source))
     module, _, definition = name.partition(":")
     return code_digest(module_file(module).read_text(encoding="utf-8"), definition)
 
@@ -54,7 +61,6 @@ def module_file(module: str, root: Path = SOURCE_ROOT) -> Path:
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-@lru_cache(maxsize=256)
 def code_digest(source: str, definition: str = "") -> str:
     """sha256 (64 hex digits) of Python source, or of one top-level function, class or constant in it.
 
@@ -62,6 +68,10 @@ def code_digest(source: str, definition: str = "") -> str:
         SyntaxError: the source is not Python.
         ValueError: there is no such definition.
     """
+    return _kept_digests.get(f"Python {definition}", source, lambda: _compute_digest(source, definition))
+
+
+def _compute_digest(source: str, definition: str) -> str:
     tree = ast.parse(source)
     if definition:
         tree.body = [statement for statement in tree.body if definition in defined_names(statement)]

@@ -104,7 +104,7 @@ def test_a_light_install_is_small_and_draws_the_samples(
     assert len(list((tmp_path / "out").glob("*.png"))) == 5
 
 
-@pytest.mark.parametrize("series", SERIES)
+@pytest.mark.parametrize("series", [series for series in SERIES if series != THIS])
 def test_light_tests_pass(installed: Callable[[str], Path], series: str, tmp_path: Path) -> None:
     environment = installed(series)
     tested = shutil.copytree(environment, tmp_path / "venv", symlinks=True)  # what tests need must not be measured

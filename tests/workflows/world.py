@@ -71,6 +71,8 @@ class World:
         self.root = root
         self.code = root / "code"
         self.workspace = root / "runs"
+        self.cache = root.parent / "cache"
+        """What stands for the user's cache folder; worlds beside each other share it."""
         self.scheduler: int | None = None
         """Port of a luigid; None for the local scheduler."""
         self.scheduler_address = "127.0.0.1"
@@ -88,7 +90,8 @@ class World:
     def environment(self) -> dict[str, str]:
         path = self.code if self.code.exists() else PROJECT
         paths = os.pathsep.join(map(str, (path, FAULTS)))
-        return {**os.environ, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1", "OMP_NUM_THREADS": "1"}
+        settings = {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1", "OMP_NUM_THREADS": "1", "Z2P_CACHE": str(self.cache)}
+        return {**os.environ, **settings}
 
     def command(self, *more: str) -> list[str]:
         if self.scheduler:
@@ -136,9 +139,14 @@ class World:
 
     def manifest(self, name: str) -> Path:
         """Manifest of a step's result under the present settings."""
+        return self.manifests()[name]
+
+    def manifests(self) -> dict[str, Path]:
+        """Step -> manifest of its result under the present settings."""
         rows = json.loads(self.workflows("status", "--json", *self.options).stdout)
-        row = next(row for row in rows if row["step"] == name)
-        return self.workspace / row["stage"] / row["fingerprint"][:32] / "manifest.json"
+        return {
+            row["step"]: self.workspace / row["stage"] / row["fingerprint"][:32] / "manifest.json" for row in rows
+        }
 
     def digests(self) -> dict[str, str]:
         """File of a result -> its digest; without those that tell how long something took."""

@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
@@ -18,6 +19,11 @@ from z2p_renderer.workflows.process.task_log import log_line
 
 INTERRUPTED = 128 + signal.SIGINT
 """Exit status of an interrupted task."""
+TOGETHER_SECONDS = 5.0
+"""Signals that come this soon after another are the same wish to stop."""
+
+_interrupted_at = -TOGETHER_SECONDS
+"""When this process was last interrupted, by `time.monotonic`."""
 
 
 def handle_termination() -> None:
@@ -36,6 +42,8 @@ def handle_termination() -> None:
 @contextmanager
 def exit_on_interrupt(name: str) -> Iterator[None]:
     """End a task's process at once on an interrupt, with one line that names the task instead of a traceback."""
+    if multiprocessing.parent_process() is not None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     try:
         yield
     except KeyboardInterrupt:
@@ -46,7 +54,12 @@ def exit_on_interrupt(name: str) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+    """Raise one KeyboardInterrupt, although a task hears of one Ctrl-C twice: by the terminal, then by luigi."""
+    global _interrupted_at
+    now, before = time.monotonic(), _interrupted_at
+    if now - before >= TOGETHER_SECONDS:
+        _interrupted_at = now
+        raise KeyboardInterrupt
 
 
 def _print_interruption(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

@@ -18,6 +18,7 @@ from z2p_core.api.render import RenderWarning, build_request, check_names, prepa
 from z2p_core.interfaces import ScanError, SettingError
 
 DEFAULT_FRAMES = 48
+MOTIONS = ("turn", "orbit", "light")
 
 
 def animate(
@@ -40,9 +41,9 @@ def animate(
 ) -> Path:
     """The path, once a film of the points is written there: WebP, GIF, APNG or, with the extra 'video', MP4.
 
-    One cloud turns once around, or its light moves. Several clouds are one film: a series in which one follows the
-    other (a training run, a diffusion process, a moving scan), or a table of turntables side by side. What could jump
-    in a series is chosen once for all of it: camera, scale, floor, weights, resolution of the network, scale of colors.
+    One cloud turns once around, or its light moves, or both. Several clouds are one film: a series in which one follows
+    the other (a training run, a diffusion process, a moving scan), or a table of turntables side by side. What could
+    jump in a series is chosen once for all of it: camera, scale, floor, weights, network's resolution, scale of colors.
 
     Args:
         points: as for `z2p_core.render`, one cloud or a batch (B, N, 3); or a list of paths of files.
@@ -51,7 +52,8 @@ def animate(
         arrange: of several clouds: ``series``, or ``table``: each turns in a cell of its own.
         frames: number of frames of a turn, 2 to 720. None: 48. A series has `hold` and `blend` instead.
         fps: frames per second, 1 to 60; a GIF has at most 50.
-        motion: ``turn`` or ``light``, for one cloud or a table.
+        motion: ``turn``; ``orbit``: the light turns too, as if the camera went around; or ``light``: only the light
+            moves. For one cloud or a table.
         hold: frames that show each cloud of a series itself.
         blend: frames between one cloud of a series and the next.
         blend_by: ``points`` (each moves to the one of the same number), ``pictures`` (they fade), or ``auto``: points
@@ -68,17 +70,13 @@ def animate(
     """
     film = FilmRequest(
         _choice("arrange", arrange, ("series", "table")), _whole("frames", frames or DEFAULT_FRAMES, 2, 720),
-        _number("fps", fps, 1, 60), _choice("motion", motion, ("turn", "light")), _whole("hold", hold, 1, 1000),
+        _number("fps", fps, 1, 60), _choice("motion", motion, MOTIONS), _whole("hold", hold, 1, 1000),
         _whole("blend", blend, 0, 240), _choice("blend_by", blend_by, ("auto", "points", "pictures")),
         _number("turns", turns, -100, 100), bool(loop), _index(reference), on_frame,
     )  # fmt: skip
     if not isinstance(path, str | os.PathLike):
         raise SettingError(f"expected a path to write the film to, got {type(path).__name__}")
-    signature = inspect.signature(render)
-    check_names({name for name in options if name not in signature.parameters})
-    arguments = signature.bind(points, colors, **options)
-    arguments.apply_defaults()
-    values = {name: value for name, value in arguments.arguments.items() if name not in ("points", "colors")}
+    values = _render_settings(points, colors, options)
     files = _files(points)
     request = build_request(points if files is None else files[0], colors, values)
     clouds: Sequence[np.ndarray] | Sequence[Path]
@@ -97,6 +95,15 @@ def animate(
     for note in dict.fromkeys(notes):
         warnings.warn(note, RenderWarning, stacklevel=2)
     return Path(path)
+
+
+def _render_settings(points: Any, colors: Any, options: dict[str, Any]) -> dict[str, Any]:
+    """All keywords of `render` but its points and colors, with the defaults of those that are not among `options`."""
+    signature = inspect.signature(render)
+    check_names({name for name in options if name not in signature.parameters})
+    arguments = signature.bind(points, colors, **options)
+    arguments.apply_defaults()
+    return {name: value for name, value in arguments.arguments.items() if name not in ("points", "colors")}
 
 
 def _files(points: Any) -> list[Path] | None:

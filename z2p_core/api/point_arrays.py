@@ -51,11 +51,6 @@ class PointArrays:
     notes: tuple[str, ...] = ()
     """What to tell the user: which colors were left out, and why."""
 
-    @property
-    def coloured(self) -> bool:
-        """Whether an object has colors beside its points."""
-        return any("rgb" in fields for fields in self.fields)
-
 
 def point_arrays(points: Any) -> PointArrays:
     """The clouds in an array or tensor (N, 3 or more) or (B, N, 3 or more), a cloud object, or a list of these.

@@ -46,6 +46,7 @@ from z2p_core.native.points import interpolate_values as interpolate_values
 from z2p_core.native.points import merge_visible as merge_visible
 from z2p_core.native.points import projected_coverage as projected_coverage
 from z2p_core.native.points import refine_normals as refine_normals
+from z2p_core.native.screen_grid import ScreenGrid as ScreenGrid
 from z2p_core.native.surfels import TEXTURE_VALUES as TEXTURE_VALUES
 from z2p_core.native.surfels import Blending as Blending
 from z2p_core.native.surfels import Discs as Discs

@@ -65,7 +65,9 @@ def neighbor_count(noise: float) -> int:
     return int(min(MIN_NEIGHBORS + NEIGHBORS_PER_NOISE * noise, MAX_NEIGHBORS))
 
 
-def measure_noise(grid: native.NeighborGrid, query_indices: np.ndarray, neighbors: np.ndarray, spacing: float) -> float:
+def measure_noise(
+    grid: native.NeighborGrid | native.ScreenGrid, query_indices: np.ndarray, neighbors: np.ndarray, spacing: float
+) -> float:  # fmt: skip
     """Standard deviation of the points off their surface, in the cloud's units.
 
     Args:

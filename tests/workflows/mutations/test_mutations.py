@@ -1,6 +1,6 @@
 """The mutation matrix on the local scheduler: after each change exactly the steps run that depend on it.
 
-For each: the dry run predicts it and writes nothing, a second run runs nothing, and going back runs nothing.
+For each: the dry run predicts it and writes nothing, nothing is left to run, and going back runs nothing.
 """
 
 from __future__ import annotations

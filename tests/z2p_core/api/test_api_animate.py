@@ -30,6 +30,7 @@ def test_clouds_become_films(tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
     for points, name, options, count in (
         (BALL, "turn.webp", {"frames": 2}, 2),
+        (BALL, "orbit.webp", {"frames": 2, "motion": "orbit"}, 2),
         (BATCH, "series.apng", {"blend": 1, "turns": 0.5, "on_frame": lambda done, all: seen.append((done, all))}, 3),
         (BATCH, "table.gif", {"arrange": "table", "frames": 2, "color": ["red", "teal"]}, 2),
     ):  # fmt: skip

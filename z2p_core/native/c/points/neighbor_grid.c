@@ -12,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/lanes.h"
 #include "common/vec3.h"
 
 #define COARSE_CELLS 24      /* cells along the longest side of the grid that estimates the surface's area */
@@ -174,15 +175,19 @@ INLINE void keep_nearest(Candidates *candidates, int max_count) {
     for (int i = 0; i < BATCH; i++) candidates->distance_sq[count + i] = INFINITY;
     for (int i = 0; i < kept; i++) row[i] = -1;
     for (int first = 0; first < count; first += BATCH) {
-        int nearer[BATCH] = {0}; /* number of nearer candidates, which is the rank */
-        const float *own = candidates->distance_sq + first;
+        Lanes own[BATCH / LANES];
+        Masks nearer[BATCH / LANES] = {{0}};
+        int rank[BATCH]; /* number of nearer candidates */
+        memcpy(own, candidates->distance_sq + first, sizeof own);
         for (int j = 0; j < count; j++)
-            for (int i = 0; i < BATCH; i++) nearer[i] += candidates->distance_sq[j] < own[i];
+            for (int part = 0; part < BATCH / LANES; part++)
+                nearer[part] -= candidates->distance_sq[j] < own[part]; /* where it is, -1 */
+        memcpy(rank, nearer, sizeof rank);
         for (int i = 0; i < BATCH && first + i < count; i++) {
-            int at = nearer[i];
+            int at = rank[i];
             while (at < kept && row[at] >= 0) at++; /* taken by an equally far candidate */
             if (at >= kept) continue;
-            distance_sq[at] = own[i];
+            distance_sq[at] = candidates->distance_sq[first + i];
             row[at] = candidates->row[first + i];
         }
     }

@@ -46,7 +46,7 @@ static int clamp_to_int(float value, int low, int high) {
 /* Projects the disc at p with normal n, which faces the camera, and clip planes (MAX_CLIP_PLANES, 4). Fills `disc`,
  * except for `point`, `radius` and `blend_depth`, and the box of samples that it may cover; returns 0 if it covers
  * none. */
-static int project_disc(Disc *disc, const float *p, const float *n, float radius, const float *planes,
+INLINE int project_disc(Disc *disc, const float *p, const float *n, float radius, const float *planes,
                         const Viewport *view, Box *bounds) {
     int flat = view->orthographic;
     float x = flat ? 0 : p[0] / p[2], y = flat ? 0 : p[1] / p[2], n_dot_ray = n[0] * x + n[1] * y + n[2];
