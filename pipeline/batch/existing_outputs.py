@@ -95,6 +95,10 @@ def _changed_settings(
     changes += [name for name in ("style", "radius") if record.get(name) != style.get(name)]
     if _has_other_weights(record, renderer):
         changes.append("choice of weights")
+    recorded_camera = record.get("camera", {})
+    if options.viewpoint is None and look.zoom.to_json() != {k: recorded_camera[k] for k in ("zoom", "pan")
+                                                             if k in recorded_camera}:  # fmt: skip
+        changes.append("zoom")
     if look.crop is not None and record.get("window") != list(look.crop):
         changes.append("crop")
     if record.get("input", {}).get("columns") != source.get("columns"):
@@ -140,7 +144,8 @@ def _has_other_camera(record: Mapping[str, Any], look: Look) -> bool:
     recorded, camera = record.get("camera", {}), with_margin(options.viewpoint, look.frame_margin).to_json()
     is_turned = options.azimuth or record.get("placing", {}).get("azimuth")  # then rotations differ, as azimuths may
     compared = ("centre", "radius") if is_turned else ("centre", "radius", "rotation")
-    return any(recorded.get(name) != camera[name] for name in compared)
+    compared += ("zoom", "pan")
+    return any(recorded.get(name) != camera.get(name) for name in compared)
 
 
 def _has_other_weights(record: Mapping[str, Any], renderer: AnyRenderer) -> bool:

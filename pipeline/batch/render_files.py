@@ -13,6 +13,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from z2p_core.coloring.options import ColorOptions
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.parallel import core_count, without_second_core
 from z2p_core.pinhole import PinholeCamera
@@ -93,11 +94,11 @@ def render_files(
         pass_format: format of the passes that the look asks for.
     """
     planned = frozenset(task.output for task in tasks)
-    large_file_lock = Lock()
+    large_file_lock, reads = Lock(), _Reads(columns, look.color_options)
 
     def work(task: Task) -> Outcome:
         with large_file_lock if _is_large(task.scan) else nullcontext():
-            return _FileJob(task, renderer, look, overwrite, columns, on_picture, pass_format).render(planned)
+            return _FileJob(task, renderer, look, overwrite, columns, on_picture, pass_format, reads).render(planned)
 
     if jobs == 1:
         yield from map(work, tasks)
@@ -135,16 +136,37 @@ def _is_large(scan: Path) -> bool:
         return False
 
 
+class _Reads:
+    """Reads files for the tasks of a run; of several cameras' tasks for one file, the first one reads it."""
+
+    def __init__(self, columns: tuple[str, ...] | None, options: ColorOptions) -> None:
+        self._columns, self._options = columns, options
+        self._lock = Lock()
+        self._is_of: tuple[Path, int] | None = None
+        self._scans: list[Scan | ScanError] = []
+
+    def read(self, task: Task, max_rows: int) -> list[Scan | ScanError]:
+        """The clouds of the task's file, as of `read_scans`."""
+        if task.camera is None:
+            return read_scans(task.scan, self._columns, self._options, max_rows)
+        with self._lock:
+            if self._is_of != (task.scan, max_rows):
+                self._is_of, self._scans = None, []  # free before the next is read
+                self._scans = read_scans(task.scan, self._columns, self._options, max_rows)
+                self._is_of = (task.scan, max_rows)
+            return self._scans
+
+
 class _FileJob:
     """Renders one file's clouds to their pictures, and records the outcome."""
 
     def __init__(
         self, task: Task, renderer: AnyRenderer, look: Look, overwrite: bool, columns: tuple[str, ...] | None,
-        on_picture: Callable[[Path], None], pass_format: str,
+        on_picture: Callable[[Path], None], pass_format: str, reads: _Reads,
     ) -> None:  # fmt: skip
         self.task, self.renderer, self.look, self.overwrite = task, renderer, look, overwrite
         self.columns, self.on_picture, self.pass_format = columns, on_picture, pass_format
-        self.outcome = Outcome(task.scan, [task.output])
+        self.outcome, self._reads = Outcome(task.scan, [task.output]), reads
         self._source: dict[str, Any] = {}
 
     def render(self, planned: frozenset[Path]) -> Outcome:
@@ -161,7 +183,7 @@ class _FileJob:
     def _render_clouds(self, planned: frozenset[Path]) -> None:
         """Renders each cloud of the file; if one fails, the others are still rendered."""
         outcome = self.outcome
-        scans = read_scans(self.task.scan, self.columns, self.look.color_options, self._look_of(0).max_rows)
+        scans = list(self._reads.read(self.task, self._look_of(0).max_rows))
         _count_points(scans, outcome)
         if len(scans) > 1:
             outcome.outputs = numbered_outputs(self.task, len(scans), planned)

@@ -11,6 +11,7 @@ from z2p_core.formats.row_subsampling import rows_for_picture
 from z2p_core.interfaces import SettingError, Value
 from z2p_core.pinhole import AnyCamera, LookAt, PinholeCamera
 from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.placement.zoom import UNZOOMED, Zoom
 from z2p_core.style import Style
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
 from z2p_renderer.pipeline.inference.styles import check_style
@@ -57,6 +58,8 @@ class Look:
     margin: float | None = None
     """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
     the visible part. None: the default of either."""
+    zoom: Zoom = UNZOOMED
+    """The part of the frame that is shown, in place of a loaded camera's."""
     marks: Marks = field(default_factory=Marks)
     """A scale bar and axes."""
     dpi: float | None = None
@@ -128,6 +131,7 @@ def build_look(
     style: Style | None = None,
     own_camera: AnyCamera | None = None,
     passes: tuple[str, ...] = (),
+    zoom: Zoom | None = None,
 ) -> Look:
     """The `Look` that a command's options, a call of `z2p_core.render` or a picture's record stand for.
 
@@ -162,8 +166,22 @@ def build_look(
         values=values, placement_options=options, width=width, height=height,
         background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,
         color_options=replace(color_options or ColorOptions(), other_fields=style.wanted_fields), style=style,
-        passes=passes,
+        passes=passes, zoom=_checked_zoom(zoom, tight, own_camera, camera),
     )  # fmt: skip
+
+
+def _checked_zoom(zoom: Zoom | None, tight: bool, own_camera: AnyCamera | None, camera: Viewpoint | None) -> Zoom:
+    """The zoom that a look has.
+
+    Raises:
+        SettingError: something else determines the part of the frame as well.
+    """
+    own = Zoom() if camera is None else camera.zoom
+    if zoom and (own_camera is not None or own):
+        raise SettingError("zoom or pan and the camera both choose the part of the frame; leave one out")
+    if (zoom or own) and tight:
+        raise SettingError("zoom or pan and --fit tight both choose the part of the frame; leave one out")
+    return zoom or Zoom()
 
 
 def _sized_camera(

@@ -11,6 +11,7 @@ import numpy as np
 
 from z2p_core import __version__
 from z2p_core.camera_placement.usual_camera import usual_pinhole
+from z2p_core.camera_placement.zoomed_camera import zoomed_camera
 from z2p_core.coloring.options import AUTO, NONE
 from z2p_core.images import bytes_from_unit, linear_from_srgb, shrink, unit_from_bytes
 from z2p_core.interfaces import PointColors, SettingError, Value
@@ -28,6 +29,7 @@ from z2p_renderer.pipeline.inference.styles import DRAW, Frame, StyledCloud, bal
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box, crop_rows_and_columns
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
 from z2p_renderer.pipeline.legends.marks import FrameGeometry
+from z2p_renderer.pipeline.placement.camera_placement import check_zoom
 from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, place_scan
 from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.scans.clouds import Scan
@@ -113,6 +115,7 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     if placed.placement.elevation is not None:  # the view chose it
         values["elevation"] = (placed.placement.elevation,)
     viewpoint, cloud = with_margin(placed.viewpoint, look.frame_margin), placed.cloud
+    viewpoint = replace(viewpoint, zoom=look.zoom) if look.zoom else viewpoint
     if look.frame_margin is not None:
         cloud = cloud * np.float32(radius_with_margin(look.frame_margin))
 
@@ -120,7 +123,7 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     colors = None if coloring is None else coloring.place(viewpoint)
     radii = ball_radii(look.style, scan, cloud, viewpoint)
     if placed.camera is None:
-        picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors, radii)
+        picture = _render_frame(selected, cloud, values, look, viewpoint, colors, radii)
     else:
         picture = _render_from(selected, placed, values, look, colors, radii)
     passes: dict[str, np.ndarray] = {}
@@ -202,14 +205,24 @@ def with_common_scale(
 
 
 def _render_frame(
-    renderer: Renderer, cloud: np.ndarray, values: dict[str, Value], look: Look, floor: float | None,
+    renderer: Renderer, cloud: np.ndarray, values: dict[str, Value], look: Look, viewpoint: Viewpoint,
     colors: PointColors | None, radii: np.ndarray | None,
 ) -> np.ndarray:  # fmt: skip
-    """The whole frame (H, W, 4) uint8 of a placed cloud (N, 3) float32; its shadow fades towards the frame's edges."""
+    """The whole frame (H, W, 4) uint8 of a placed cloud (N, 3) float32; its shadow fades towards the frame's edges.
+
+    Raises:
+        ScanError: a zoom shows nothing of it.
+    """
+    floor = viewpoint.floor
     if floor is not None:
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     factor = look.supersample
-    frame = Frame(cloud, values, look.width * factor, look.height * factor, floor, colors, radii, look.reduction)
+    width, height, camera = look.width * factor, look.height * factor, None
+    if viewpoint.zoom:
+        elevation = renderer.settings(values).get("elevation", (viewpoint.elevation,))[0]
+        camera = zoomed_camera(width, height, elevation, viewpoint.zoom)
+        check_zoom(cloud, camera)
+    frame = Frame(cloud, values, width, height, floor, colors, radii, look.reduction, camera)
     return _finish_frame(DRAW[look.style.name](renderer, frame), factor)
 
 

@@ -10,7 +10,7 @@ from threading import local
 import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, Camera
-from z2p_core.camera_placement.placed_camera import PlacedCamera
+from z2p_core.camera_placement.placed_camera import PlacedCamera, reaches_border, widened
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import (
     Condition,
@@ -37,6 +37,9 @@ from z2p_renderer.pipeline.inference.input_buffers import draw_textured_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
+
+BORDER_PIXELS = 32
+"""Pixels around a picture that are drawn and cut off again where the cloud goes on beyond it."""
 
 
 class Renderer:
@@ -153,6 +156,16 @@ class Renderer:
         Raises:
             SettingError: no network is to be used, and these weights' G-buffer makes no picture by itself.
         """
+        if use_network and reaches_border(cloud, camera):  # near a picture's border the network sees too little
+            wide = self._render_placed(cloud, widened(camera, BORDER_PIXELS), values, floor, colors, True)
+            return np.ascontiguousarray(wide[BORDER_PIXELS:-BORDER_PIXELS, BORDER_PIXELS:-BORDER_PIXELS])
+        return self._render_placed(cloud, camera, values, floor, colors, use_network)
+
+    def _render_placed(
+        self, cloud: np.ndarray, camera: PlacedCamera, values: dict[str, Value] | None, floor: float | None,
+        colors: PointColors | None, use_network: bool,
+    ) -> np.ndarray:  # fmt: skip
+        """As `render_from`, up to the border of the network's picture."""
         size = placed_render_size(cloud, camera) if use_network else (camera.width, camera.height)
         neutral = None if colors is None else neutral_albedo(colors.albedo)
         inputs, relative = self._inputs(cloud, with_neutral_color(values, neutral), *size, floor, colors, camera)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core.camera import DISTANCE, Camera
+from z2p_core.camera_placement.zoomed_camera import zoomed_camera
 from z2p_core.placement.viewpoint import Viewpoint
 
 
@@ -43,16 +44,23 @@ class FrameGeometry:
     @property
     def pixels_per_unit(self) -> float:
         """Pixels that a length of 1 in the data's units has at the middle of the object, across the line of sight."""
-        return Camera(self.width, self.height).focal / DISTANCE / self.viewpoint.radius
+        return self._camera.focal / DISTANCE / self.viewpoint.radius
 
     @property
     def eye(self) -> np.ndarray:
         """Where the camera stands (3,), in the data's coordinates."""
-        world = Camera(self.width, self.height, self.viewpoint.elevation).position
+        world = self._camera.position
         return world @ np.array(self.viewpoint.rotation) * self.viewpoint.radius + np.array(self.viewpoint.centre)
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (N, 2) in the picture, right and down, and depths (N,) of points (N, 3) in the data's coordinates."""
         world = (points - np.array(self.viewpoint.centre)) / self.viewpoint.radius @ np.array(self.viewpoint.rotation).T
-        pixels, depth = Camera(self.width, self.height, self.viewpoint.elevation).project(world)
+        pixels, depth = self._camera.project(world)
         return pixels - (self.left, self.top), depth
+
+    @property
+    def _camera(self) -> Camera:
+        elevation, zoom = self.viewpoint.elevation, self.viewpoint.zoom
+        if zoom:
+            return zoomed_camera(self.width, self.height, elevation, zoom)
+        return Camera(self.width, self.height, elevation)

@@ -59,11 +59,13 @@ def render_frames(opening: RenderedScan, scan: Scan, look: Look, motion: Motion)
     their visible parts, so that the first is yielded after the last is drawn.
 
     Raises:
-        SettingError: the light is to move, but the weights do not have the control 'light'.
+        SettingError: the light is to move, but the weights do not have the control 'light'; or the camera is zoomed.
     """
     renderer = opening.renderer
     if motion.kind != "turn" and "light" not in renderer.controls:
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
+    if opening.viewpoint.zoom:
+        raise SettingError("this camera shows a part of the frame, which a loop cannot; load one without zoom and pan")
     prepared = prepare_scan(opening, scan, look)
     scale = opening.coloring.scale if opening.coloring is not None and look.color_options.color_bar else None
     look = replace(look, color_options=replace(look.color_options, color_bar=False))  # drawn after the crop

@@ -77,6 +77,17 @@ def check_visible(cloud: np.ndarray, camera: PlacedCamera) -> None:
                         f"{column:.0f}, row {row:.0f}; turn the camera to it")
 
 
+def check_zoom(cloud: np.ndarray, camera: PlacedCamera) -> None:
+    """
+    Raises:
+        ScanError: the usual camera, zoomed and panned, sees nothing of the placed cloud (N, 3).
+    """
+    pixels, depth = camera.project(cloud.astype(np.float64))
+    inside = (depth > camera.near_plane) & (pixels >= 0).all(1) & (pixels < (camera.width, camera.height)).all(1)
+    if not inside.any():
+        raise ScanError("lies beside the part of the frame that is shown; choose a smaller zoom or pan")
+
+
 def unfamiliar_reason(
     cloud: np.ndarray, camera: PlacedCamera, elevation: float, elevation_range: tuple[float, float] | None
 ) -> str:

@@ -26,6 +26,7 @@ from z2p_core.interfaces import RawCloud, ScanError, SettingError, Value
 from z2p_core.pinhole import AnyCamera, LookAt, PinholeCamera, camera_from_json
 from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
+from z2p_core.placement.zoom import parse_zoom
 from z2p_core.up_axis.axis_names import UP_ROTATIONS, parse_up_axis
 from z2p_renderer.pipeline.coloring.fields import has_own_colors, keep_classes, read_scans
 from z2p_renderer.pipeline.inference.look import Look, build_look
@@ -315,8 +316,7 @@ def _look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
             keep_outliers=request.keep_outliers, cut_top=request.cut_top, smooth=request.smooth, size=request.size,
             background=request.background, supersample=request.supersample, tight=request.tight,
             margin=parse_margin(request.margin), color_options=request.color_options, style=request.style,
-            own_camera=own_camera,
-            passes=request.passes,
+            own_camera=own_camera, passes=request.passes, zoom=parse_zoom(request.zoom, request.pan),
         )  # fmt: skip
     except SettingError as error:  # it names the command line's option; Python's keyword has no dashes
         raise SettingError(str(error).removeprefix("--")) from None

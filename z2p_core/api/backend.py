@@ -59,6 +59,8 @@ class RenderRequest:
     """Whether the caller chose the size."""
     passes: tuple[str, ...] = ()
     """What else is drawn: `z2p_core.pass_names.PASSES`."""
+    zoom: Any = None
+    pan: Any = None
     cloud_colors: Sequence[Any] = ()
     """Value of the control ``color`` for each cloud, as text or numbers; empty for one that all share."""
 

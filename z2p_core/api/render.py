@@ -74,6 +74,8 @@ def render(
     supersample: int = 1,
     fit: str = "frame",
     margin: float | str | None = None,
+    zoom: float | None = None,
+    pan: Sequence[float] | None = None,
     keep_outliers: bool = False,
     cut_top: float = 0.0,
     smooth: str | float = "auto",
@@ -120,6 +122,8 @@ def render(
         fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to the visible part, the shadow included).
         margin: free border around the object's bounding sphere, or with ``tight`` around the visible part: a share of
             the shorter side, 0 to 0.45, or percent as in ``"10%"``. None: 0.1, or 0.02 with ``tight``.
+        zoom: show a part of the frame, enlarged so many times, 1 to 32.
+        pan: move what is shown by (right, up), in shorter sides of the picture.
         keep_outliers: keep outliers that make the object small, and points far behind a depth camera's subject.
         cut_top: percent of the height to cut off from above, to look into a room.
         smooth: smooth the surface over patches of that radius, 0 to 0.3 of the frame's; ``auto``: only a depth
@@ -199,7 +203,7 @@ def build_request(points: Any, colors: Any, settings: Mapping[str, Any]) -> Rend
             parse_relight(given["relight"]), _switch("color_bar", given["color_bar"]), other_fields=style.wanted_fields,
         ),
         style=style, has_size=given["size"] is not None or given["resolution"] is not None,
-        passes=parse_passes(given["passes"]), cloud_colors=cloud_colors,
+        passes=parse_passes(given["passes"]), zoom=given["zoom"], pan=given["pan"], cloud_colors=cloud_colors,
     )  # fmt: skip
 
 

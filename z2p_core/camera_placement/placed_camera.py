@@ -8,7 +8,7 @@ frame so that the unit sphere fills it as usual, wherever it lies in the image a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -138,6 +138,20 @@ class PlacedCamera(Camera):
         (fx, fy), (cx, cy) = self.focals, self.center
         focals, center = (fx * across, fy * down), (cx * across, cy * down)
         return PlacedCamera(width, height, self.elevation, focals, center, self.axes, self.station, self.parallel)
+
+
+def widened(camera: PlacedCamera, border: int) -> PlacedCamera:
+    """The same camera with so many more pixels on each side."""
+    center = (camera.center[0] + border, camera.center[1] + border)
+    return replace(camera, width=camera.width + 2 * border, height=camera.height + 2 * border, center=center)
+
+
+def reaches_border(cloud: np.ndarray, camera: PlacedCamera) -> bool:
+    """Whether the camera sees some points of a cloud (N, 3) in its image, and others beside it."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels, depth = camera.project(cloud)
+    inside = (depth > camera.near_plane) & (pixels >= 0).all(1) & (pixels < (camera.width, camera.height)).all(1)
+    return bool(inside.any() and not inside.all())
 
 
 def place_camera(camera: PinholeCamera, viewpoint: Viewpoint) -> PlacedCamera:

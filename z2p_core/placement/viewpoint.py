@@ -19,6 +19,7 @@ from z2p_core.errors.value_limits import describe_value
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.linalg import CHUNK_POINTS, rotate_points
 from z2p_core.placement.framing_sphere import framing_sphere
+from z2p_core.placement.zoom import UNZOOMED, Zoom, parse_zoom
 
 JSON_VERSION = 1
 """Version of the JSON format, raised when its meaning changes."""
@@ -44,6 +45,8 @@ class Viewpoint:
     """Elevation of the camera above the horizon, in degrees."""
     floor: float | None = None
     """Height of the floor in world units, for clouds that share one; None: each stands on its own lowest point."""
+    zoom: Zoom = UNZOOMED
+    """The part of the frame that the picture shows."""
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Cloud (N, 3) float32 in world units of points (N, 3) in the data's; float64 inside, so UTM keeps digits."""
@@ -72,6 +75,7 @@ class Viewpoint:
             "floor": self.floor,
             "distance": DISTANCE,
             "field_of_view": FIELD_OF_VIEW,
+            **self.zoom.to_json(),
         }
 
 
@@ -117,7 +121,8 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
                                "centre and radius instead")
     floor = None if data.get("floor") is None else float(_numbers(data, "floor", ()))
     x, y, z = centre.tolist()
-    return Viewpoint((x, y, z), radius, tuple(tuple(row) for row in rotation.tolist()), elevation, floor)
+    zoom = parse_zoom(data.get("zoom"), data.get("pan"))
+    return Viewpoint((x, y, z), radius, tuple(tuple(row) for row in rotation.tolist()), elevation, floor, zoom)
 
 
 def _numbers(data: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> np.ndarray:

@@ -177,8 +177,9 @@ def make_view(camera: Camera, floor_height: float, relight: float) -> BallView:
     """The camera's view with the samples of its pixels."""
     side_samples = 4 if max(camera.width, camera.height) <= FOUR_SAMPLES_MAX_SIDE else 3
     view = BallView(
-        orthographic=int(camera.orthographic), width=camera.width, height=camera.height, side_samples=side_samples, near_depth=NEAR_DEPTH,
-        relight=relight, floor_albedo=FLOOR_ALBEDO, draws_floor=int(camera.position[2] > floor_height),
+        orthographic=int(camera.orthographic), width=camera.width, height=camera.height, side_samples=side_samples,
+        near_depth=NEAR_DEPTH, relight=relight,
+        floor_albedo=FLOOR_ALBEDO, draws_floor=int(camera.position[2] > floor_height),
     )  # fmt: skip
     np.ctypeslib.as_array(view.rotation)[:] = camera.rotation
     np.ctypeslib.as_array(view.position)[:] = camera.position

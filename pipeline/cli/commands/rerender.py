@@ -12,6 +12,7 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import CommandError, is_debugging
+from z2p_renderer.pipeline.cli.options.cameras import DEFAULT_DPI
 from z2p_renderer.pipeline.cli.options.coloring import changed_color_options, color_options_of_record
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, RerenderCommand
 from z2p_renderer.pipeline.cli.options.param_types import (
@@ -26,12 +27,11 @@ from z2p_renderer.pipeline.cli.options.pictures import check_writable
 from z2p_renderer.pipeline.cli.progress import note_if_opaque
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
-    import numpy as np
-
     from z2p_core.pinhole import PinholeCamera
     from z2p_core.placement.viewpoint import Viewpoint
     from z2p_core.style import Style
     from z2p_renderer.pipeline.inference.look import Crop, Look
+    from z2p_renderer.pipeline.inference.render_scan import RenderedScan
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 
@@ -70,14 +70,21 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
 
     The scan is looked for at its place beside the picture, and must not have changed since.
     """
-    from z2p_renderer.storage.images.image_files import check_picture_suffix, read_record, write_picture
+    from z2p_renderer.pipeline.inference.documents import write_document
+    from z2p_renderer.storage.images.image_files import (
+        DOCUMENT_SUFFIXES,
+        check_picture_suffix,
+        read_record,
+        write_picture,
+    )
 
     record = read_record(figure, complete=True)
     _check_single_picture(record, figure)
     output = output or figure.with_stem(f"{figure.stem}_2")
     if output.exists() and not options["overwrite"]:
         raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)
-    check_picture_suffix(output.suffix.lower())
+    if output.suffix.lower() not in DOCUMENT_SUFFIXES:
+        check_picture_suffix(output.suffix.lower())
     check_writable(output.parent)
     if options["background"] is None and record["background"] == "transparent" and not options["quiet"]:
         note_if_opaque(output.suffix.lower())
@@ -85,8 +92,11 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     with warnings.catch_warnings():
         if not is_debugging():
             warnings.simplefilter("ignore")
-        picture, look, new_record = _draw_again(record, scan, output, controls, options)
-    write_picture(picture, output, look.background, new_record, look.dpi)
+        drawing, look, new_record = _draw_again(record, scan, output, controls, options)
+    if look.is_document:
+        write_document(drawing, look, new_record, output)
+    else:
+        write_picture(drawing.picture, output, look.background, new_record, look.dpi)
     if not options["quiet"]:
         click.echo(f"rendered: {figure} -> {output}", err=True)
 
@@ -135,8 +145,8 @@ def _find_scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> P
 
 def _draw_again(
     record: Mapping[str, Any], scan: Path, output: Path, controls: dict[str, Value], options: dict[str, Any]
-) -> tuple[np.ndarray, Look, dict[str, Any]]:
-    """The new picture (H, W, 4) uint8, the look that it has, and its record."""
+) -> tuple[RenderedScan, Look, dict[str, Any]]:
+    """The new picture, the look that it has, and its record."""
     from z2p_core.interfaces import ScanError
     from z2p_renderer.pipeline.coloring.fields import read_scans
     from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
@@ -153,7 +163,8 @@ def _draw_again(
     renderer = load_renderer(weights, controls, engine=_select_engine(record, options["engine"]))
     look = _build_changed_look(record, renderer, weights, controls, options).written_as(output.suffix.lower())
     marks = Marks(record.get("scale_bar", False), record.get("axes", False), record.get("unit", ""))
-    look = replace(look, dpi=record.get("dpi"), marks=marks)
+    dpi = record.get("dpi", DEFAULT_DPI if look.is_document else None)
+    look = replace(look, dpi=dpi, marks=marks)
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
     clouds = read_scans(scan, columns, look.color_options, look.max_rows)
@@ -171,7 +182,7 @@ def _draw_again(
             new_record["stance"] = {**record["stance"], "smooth": drawing.placement.smoothing_radius}
         if "azimuth" in record["placing"]:  # missing in older records
             new_record["placing"]["azimuth"] = record["placing"]["azimuth"] + options["azimuth"]
-    return drawing.picture, look, new_record
+    return drawing, look, new_record
 
 
 def _select_engine(record: Mapping[str, Any], given: str | None) -> str | None:

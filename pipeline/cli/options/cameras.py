@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from z2p_renderer.pipeline.cli.options.param_types import FiniteRange, PassNames, Position
+from z2p_renderer.pipeline.cli.options.param_types import FiniteRange, PassNames, Position, Shift
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
     from z2p_core.pinhole import AnyCamera
@@ -40,9 +40,18 @@ PASS_OPTIONS = (
 DEFAULT_DPI = 300.0
 
 
+ZOOM_OPTIONS = (
+    click.option("--zoom", type=FiniteRange(1, 32), metavar="F",
+                 help="Show a part of the frame, enlarged so many times: its middle, unless --pan moves it.  "
+                 "[default: 1]"),
+    click.option("--pan", type=Shift(),
+                 help="Move what is shown to the right and up, in shorter sides of the picture.  [default: 0,0]"),
+)  # fmt: skip
+
+
 def camera_options(command: Command) -> Command:
-    """Decorator that adds `CAMERA_OPTIONS` and `PASS_OPTIONS` to a command."""
-    for option in reversed((*CAMERA_OPTIONS, *PASS_OPTIONS)):
+    """Decorator that adds `ZOOM_OPTIONS`, `CAMERA_OPTIONS` and `PASS_OPTIONS` to a command."""
+    for option in reversed((*ZOOM_OPTIONS, *CAMERA_OPTIONS, *PASS_OPTIONS)):
         command = option(command)
     return command
 

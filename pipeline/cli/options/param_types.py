@@ -97,6 +97,23 @@ class Position(click.ParamType):
         return x, y, z
 
 
+class Shift(click.ParamType):
+    """A shift in the picture, as ``X,Y``."""
+
+    name = "X,Y"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
+        if isinstance(value, tuple):  # click converts defaults and converted values again
+            return value
+        try:
+            x, y = (float(part) for part in value.split(","))
+        except ValueError:
+            x = y = math.nan
+        if not all(map(math.isfinite, (x, y))):
+            self.fail(f"expected two numbers X,Y, got {value!r}", param, ctx)
+        return x, y
+
+
 class PassNames(click.ParamType):
     """Names of passes with commas between them, or ``all``."""
 

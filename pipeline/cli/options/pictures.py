@@ -113,6 +113,7 @@ def look_from_options(
     Raises:
         SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
     """
+    from z2p_core.placement.zoom import parse_zoom
     from z2p_core.style import parse_style
     from z2p_renderer.pipeline.inference.look import build_look
     from z2p_renderer.storage.cameras import read_camera
@@ -125,7 +126,7 @@ def look_from_options(
         background=options["background"], supersample=options["supersample"], tight=options["fit"] == "tight",
         margin=options["margin"], color_options=color_options, style=parse_style(options["style"], options["radius"]),
         own_camera=cameras[0] if cameras else None,
-        passes=options.get("passes") or (),
+        passes=options.get("passes") or (), zoom=parse_zoom(options.get("zoom"), options.get("pan")),
     )  # fmt: skip
 
 

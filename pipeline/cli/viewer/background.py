@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from z2p_core.api.view import GIVEN_VALUES
 from z2p_renderer.pipeline.cli.viewer.saving import Saver
 from z2p_renderer.pipeline.cli.viewer.server import ViewServer
 from z2p_renderer.pipeline.cli.viewer.viewed_scans import ViewedScans
@@ -53,7 +54,9 @@ def start_viewer(
         paths = [_write_cloud(folder, index, cloud, fields[index]) for index, cloud in enumerate(clouds)]
     scans = ViewedScans(paths)
     saver = Saver(scans, PICTURES_FOLDER, [], None if folder is None else "points", "auto" if folder is None else "+Z")
-    return BackgroundViewer(ViewServer(scans, saver, port=0, ends_with_page=False, first_up=up), folder)
+    color_by = GIVEN_VALUES if fields and all(GIVEN_VALUES in one for one in fields) else "auto"
+    server = ViewServer(scans, saver, port=0, ends_with_page=False, first_up=up, first_color_by=color_by)
+    return BackgroundViewer(server, folder)
 
 
 def _write_cloud(folder: Path, index: int, cloud: np.ndarray, fields: Mapping[str, np.ndarray]) -> Path:

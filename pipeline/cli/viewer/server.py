@@ -50,7 +50,7 @@ class ViewServer(ThreadingHTTPServer):
 
     def __init__(
         self, scans: ViewedScans, saver: Saver, host: str = LOOPBACK, port: int | None = None,
-        ends_with_page: bool = True, first_up: str = "auto",
+        ends_with_page: bool = True, first_up: str = "auto", first_color_by: str = "auto",
     ) -> None:  # fmt: skip
         """Open the port; None takes `DEFAULT_PORT`, or a free one if that is in use.
 
@@ -58,7 +58,7 @@ class ViewServer(ThreadingHTTPServer):
             SettingError: the port is in use, or the host is none of this machine's.
         """
         self.scans, self.saver, self.token = scans, saver, secrets.token_urlsafe(TOKEN_BYTES)
-        self.ends_with_page, self.first_up = ends_with_page, first_up
+        self.ends_with_page, self.first_up, self.first_color_by = ends_with_page, first_up, first_color_by
         self._newest: dict[tuple[str, int], int] = {}
         self._pages: set[str] = set()
         self._pages_lock = threading.Lock()
@@ -143,7 +143,8 @@ class ViewServer(ThreadingHTTPServer):
         return {
             "panes": [pane.label for pane in self.scans.panes], "faults": self.scans.faults,
             "sliders": {name: asdict(slider) for name, slider in self.scans.sliders(weights).items()},
-            "fields": self.scans.fields, "up": self.first_up, "colormaps": COLORMAPS,
+            "fields": self.scans.fields, "up": self.first_up, "color_by": self.first_color_by,
+            "colormaps": COLORMAPS,
             "weights": ["auto", *shipped_weights()], "draft_sides": DRAFT_SIDES,
         }  # fmt: skip
 

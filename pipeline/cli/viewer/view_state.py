@@ -21,8 +21,8 @@ from z2p_renderer.pipeline.cli.options.pictures import check_view_options
 
 MAX_TEXT = 200
 """Characters that a text setting of the page may have."""
-SURFACE = "surface"
-"""The style that needs no option."""
+BALLS, SURFACE = "balls", "surface"
+"""The style with radii, and the one that needs no option."""
 DEFAULT_SIZE = 512
 """Width and height of a picture in pixels."""
 
@@ -43,8 +43,14 @@ class ViewState:
     size: tuple[int, int] = (DEFAULT_SIZE, DEFAULT_SIZE)
     margin: float | None = None
     """Free border as a share of the shorter side, by which the wheel zooms."""
+    zoom: float = 1.0
+    """How many times a part of the frame is enlarged."""
+    pan: tuple[float, float] = (0.0, 0.0)
+    """Shift of what is shown, right and up, in shorter sides of the picture."""
     weights: str = AUTO
     style: str = SURFACE
+    radius: str = ""
+    """Radius of balls, as the option has it."""
     keep_outliers: bool = False
     same_frame: bool = False
     """Whether all clouds share one frame, in which they keep their sizes and places."""
@@ -54,6 +60,7 @@ class ViewState:
         texts = {
             "--weights": _unless(self.weights, AUTO), "--up": _unless(self.up, "auto"),
             "--style": _unless(self.style, SURFACE),
+            "--radius": self.radius if self.style == BALLS else "",
             "--view": "" if self.azimuth is None else number_text(self.azimuth),
             **{control_flags()[name]: _values_text(value) for name, value in self.controls.items()},
             "--color-by": _unless(self.color_by, AUTO),
@@ -61,6 +68,8 @@ class ViewState:
             "--resolution": _unless(",".join(map(str, self.size)), f"{DEFAULT_SIZE},{DEFAULT_SIZE}"),
             "--background": _unless(self.background, "transparent"),
             "--margin": "" if self.margin is None else number_text(self.margin),
+            "--zoom": "" if self.zoom == 1 else number_text(self.zoom),
+            "--pan": "" if not any(self.pan) else _values_text(self.pan),
         }  # fmt: skip
         switches = {"--color-bar": self.color_bar and self.has_field, "--keep-outliers": self.keep_outliers,
                     "--same-frame": self.same_frame}  # fmt: skip
@@ -72,10 +81,12 @@ class ViewState:
         given = {
             "weights": _unless(self.weights, AUTO), "up": _unless(self.up, default_up),
             "style": _unless(self.style, SURFACE), "view": self.azimuth,
+            "radius": self.radius if self.style == BALLS else "",
             **{name: value[0] if len(value) == 1 else value for name, value in self.controls.items()},
             "colors": _unless(self.color_by, AUTO), "cmap": self.colormap if self.has_field else "",
             "size": None if self.size == (DEFAULT_SIZE, DEFAULT_SIZE) else self.size,
             "background": _unless(self.background, "transparent"), "margin": self.margin,
+            "zoom": None if self.zoom == 1 else self.zoom, "pan": self.pan if any(self.pan) else None,
             "color_bar": (self.color_bar and self.has_field) or None, "keep_outliers": self.keep_outliers or None,
         }  # fmt: skip
         return {name: value for name, value in given.items() if value is not None and value != ""}
@@ -101,17 +112,21 @@ def state_from_json(data: Any) -> ViewState:
     if not (isinstance(size, list) and len(size) == 2 and all(type(side) is int for side in size)):
         raise SettingError(f"expected a size of two whole numbers, got {str(size)[:MAX_TEXT]}")
     azimuth = data.get("azimuth")
-    margin = data.get("margin")
+    margin, pan = data.get("margin"), data.get("pan", [0.0, 0.0])
+    if not (isinstance(pan, list) and len(pan) == 2):
+        raise SettingError(f"expected a shift of two numbers, got {str(pan)[:MAX_TEXT]}")
     return ViewState(
         azimuth=None if azimuth is None else round(_number(azimuth, "azimuth") % 360.0, 1) % 360.0,
         controls={str(name): _value(value, str(name)) for name, value in controls.items()},
         size=(size[0], size[1]), margin=None if margin is None else round(_number(margin, "margin"), 4),
+        zoom=round(_number(data.get("zoom", 1.0), "zoom"), 3),
+        pan=(round(_number(pan[0], "pan"), 4), round(_number(pan[1], "pan"), 4)),
         **{name: _text(data[name], name) for name in TEXTS if data.get(name)},  # type: ignore[arg-type]
         **{name: data.get(name) is True for name in SWITCHES},  # type: ignore[arg-type]
     )  # fmt: skip
 
 
-TEXTS = ("up", "color_by", "colormap", "background", "weights", "style")
+TEXTS = ("up", "color_by", "colormap", "background", "weights", "style", "radius")
 SWITCHES = ("color_bar", "keep_outliers", "same_frame")
 
 

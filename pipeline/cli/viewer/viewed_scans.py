@@ -13,6 +13,7 @@ import numpy as np
 
 from z2p_core.interfaces import ScanError, SettingError, Slider
 from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.placement.zoom import Zoom
 from z2p_core.surface.subsampling import subsample_hashed
 from z2p_renderer.pipeline.cli.options.pictures import look_from_options
 from z2p_renderer.pipeline.cli.viewer.view_state import ViewState, draft_state, parse_options
@@ -238,7 +239,7 @@ class ViewedScans:
                 selected, shared = self._with_common_frame(replace(start, controls=fixed), renderer, shared)
             colored = self._with_common_scale(state, selected, shared)
             plain = replace(colored, color_options=replace(colored.color_options, color_bar=False))
-            return thinned(draw_opening(selected, scan, format_suffix(pane.path), plain))
+            return thinned(draw_opening(selected, scan, format_suffix(pane.path), replace(plain, zoom=Zoom())))
 
         key = self._opening_key(pane, state, scan, renderer, look)
         return self._keep(key, KEPT_OPENINGS * len(self.panes), draw)

@@ -72,7 +72,10 @@ def test_a_changed_figure_equals_a_new_render(
 
 
 def test_rerender_keeps_the_smoothing_unless_it_is_given(
-    rerender: Callable[..., Result], render: Callable[..., Result], z2p: Callable[..., Result], scans: Path,
+    rerender: Callable[..., Result],
+    render: Callable[..., Result],
+    z2p: Callable[..., Result],
+    scans: Path,
     tmp_path: Path,
 ) -> None:
     rng, points = np.random.default_rng(5), np.random.default_rng(6).normal(size=(4000, 3))
@@ -123,7 +126,11 @@ def test_a_moved_scan_is_found_and_a_changed_one_refused(
 
 
 def test_pictures_that_cannot_be_drawn_again_are_refused(
-    z2p: Callable[..., Result], rerender: Callable[..., Result], figure: Path, tiny_weights: Path, cloud: np.ndarray,
+    z2p: Callable[..., Result],
+    rerender: Callable[..., Result],
+    figure: Path,
+    tiny_weights: Path,
+    cloud: np.ndarray,
     tmp_path: Path,
 ) -> None:
     import z2p_core
@@ -144,7 +151,10 @@ def test_pictures_that_cannot_be_drawn_again_are_refused(
 
 
 def test_missing_controls_and_lost_transparency_are_noted(
-    render: Callable[..., Result], rerender: Callable[..., Result], make_weights: Callable[..., Path], scans: Path,
+    render: Callable[..., Result],
+    rerender: Callable[..., Result],
+    make_weights: Callable[..., Path],
+    scans: Path,
     tmp_path: Path,
 ) -> None:
     shiny = make_weights(controls=("color", "light", "elevation", "metallic"))
@@ -233,9 +243,23 @@ def test_the_white_background_of_a_jpeg_is_kept(
     ("output", "message"), [("a.bmp", "expected a picture named"), ("/proc/x/a.png", "cannot write")]
 )
 def test_an_unwritable_output_is_refused_before_drawing(
-    rerender: Callable[..., Result], figure: Path, tmp_path: Path, output: str, message: str,
+    rerender: Callable[..., Result],
+    figure: Path,
+    tmp_path: Path,
+    output: str,
+    message: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("z2p_renderer.pipeline.inference.render_scan.render_scan", None)  # not called
     result = rerender(figure, "-o", tmp_path / output)
     assert result.exit_code == 2 and message in result.stderr
+
+
+def test_rerender_writes_documents_and_reads_them(
+    rerender: Callable[..., Result], figure: Path, tmp_path: Path
+) -> None:
+    document, again = tmp_path / "new.svg", tmp_path / "again.png"
+    assert rerender(figure, "-o", document).exit_code == 0
+    assert rerender(document, "-o", again).exit_code == 0
+    assert "<svg" in document.read_text()
+    assert np.array_equal(pixels(again), pixels(figure))

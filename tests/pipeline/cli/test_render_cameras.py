@@ -57,6 +57,17 @@ def test_there_is_a_picture_of_each_pose(render: Callable[..., Result], scan: Pa
     assert "3 skipped" in render(scan, "--cameras", ring, "--up", "Z").stderr
 
 
+def test_the_file_of_several_poses_is_read_once(
+    render: Callable[..., Result], scan: Path, ring: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from z2p_renderer.pipeline.batch import render_files
+
+    reads, read_scans = [], render_files.read_scans
+    monkeypatch.setattr(render_files, "read_scans", lambda path, *rest: reads.append(path) or read_scans(path, *rest))
+    assert render(scan, "--cameras", ring, "--up", "Z").exit_code == 0
+    assert reads == [scan]
+
+
 def test_a_path_of_cameras_is_a_film(
     z2p: Callable[..., Result], tiny_weights: Path, scan: Path, ring: Path, tmp_path: Path
 ) -> None:

@@ -127,4 +127,4 @@ def test_no_network_is_missed_where_the_style_needs_none(points: np.ndarray, sty
     with warnings.catch_warnings():
         warnings.filterwarnings("error", message="drawn without the network")
         camera = z2p_core.look_at((0, -9, -9))  # from below the floor
-        assert covered(z2p_core.render(points, style=style, color="white", camera=camera, size=48)) > 50
+        assert covered(z2p_core.render(points, style=style, color="white", camera=camera, size=48)) > 10

@@ -17,6 +17,7 @@ def test_points_with_values_are_shown_until_the_viewer_is_closed() -> None:
     viewer = z2p_core.view(points, colors=points[:, 0])
     described = json.load(urllib.request.urlopen(f"{viewer.address}description", data=b"{}", timeout=30))
     assert described["fields"] == ["values"] and described["up"] == "+Z"
+    assert described["color_by"] == "values"  # as z2p_core.render shows them
     assert viewer.address in viewer._repr_html_() and "<iframe" in viewer._repr_html_()
     viewer.close()
     viewer.close()
