@@ -143,8 +143,7 @@ def _has_other_camera(record: Mapping[str, Any], look: Look) -> bool:
         return bool(record.get("stance", {}).get("up") == FIXED_CAMERA)
     recorded, camera = record.get("camera", {}), with_margin(options.viewpoint, look.frame_margin).to_json()
     is_turned = options.azimuth or record.get("placing", {}).get("azimuth")  # then rotations differ, as azimuths may
-    compared = ("centre", "radius") if is_turned else ("centre", "radius", "rotation")
-    compared += ("zoom", "pan")
+    compared = ("centre", "radius", "zoom", "pan", *(() if is_turned else ("rotation",)))
     return any(recorded.get(name) != camera.get(name) for name in compared)
 
 

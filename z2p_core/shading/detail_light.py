@@ -77,6 +77,7 @@ def transfer_light(
         camera: the image's.
     """
     scene, positions = light.scene, shown.points
+    assert isinstance(lit.grid, native.NeighborGrid)  # on the screen only shown points are searched
     nearest = lit.grid.nearest_by_walk(positions, lit.neighbors)
     neighbors = np.ascontiguousarray(lit.neighbors[:, :LIGHT_NEIGHBORS])[nearest]
     place = DetailLight(positions, normals, neighbors, scene.points, scene.normals, np.empty(0, np.float32))
