@@ -67,7 +67,7 @@ def test_fields_of_an_open3d_cloud() -> None:
     np.testing.assert_array_equal(fields["normal"], NORMALS)
     cloud.colors = open3d.utility.Vector3dVector(COLORS[:9])
     given = point_arrays(cloud)
-    assert not given.coloured and "(9, 3), for 50 points" in given.notes[0]
+    assert "rgb" not in given.fields[0] and "(9, 3), for 50 points" in given.notes[0]
 
 
 def test_fields_of_an_open3d_tensor_cloud() -> None:
@@ -228,7 +228,7 @@ def test_fields_of_laspys_records() -> None:
 
 def test_a_laspy_cloud_of_zeros_has_no_colors() -> None:
     given = point_arrays(las_cloud(np.zeros((COUNT, 3), np.uint16)))
-    assert not given.coloured and not given.notes
+    assert "rgb" not in given.fields[0] and not given.notes
     assert "red" not in given.fields[0]
 
 
@@ -403,7 +403,7 @@ def test_some_clouds_of_a_list_have_colors() -> None:
 )  # fmt: skip
 def test_colors_that_are_none_are_told(colors: np.ndarray, message: str) -> None:
     given = point_arrays({"points": CLOUD, "colors": colors})
-    assert not given.coloured
+    assert "rgb" not in given.fields[0]
     with pytest.raises(ValueError, match=message):
         raise ValueError(*given.notes)
 
