@@ -286,10 +286,10 @@ def test_ctrl_c_has_an_exit_status_of_its_own(
 
     original = batch.read_scans
 
-    def read(path: Path, columns: None, options: ColorOptions) -> list[batch.Scan]:
+    def read(path: Path, columns: None, options: ColorOptions, max_rows: int) -> list[batch.Scan]:
         if path.name == "two.xyz":
             raise KeyboardInterrupt
-        return original(path, columns, options)
+        return original(path, columns, options, max_rows)
 
     monkeypatch.setattr(batch, "read_scans", read)
     result = render(scans)
