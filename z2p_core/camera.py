@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +23,8 @@ DEFAULT_ELEVATION = 20.0
 """Degrees above the horizon."""
 NEAR_PLANE = 0.1
 """Smallest depth that is drawn, in world units."""
+
+Numbers = TypeVar("Numbers", float, np.ndarray)
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,10 @@ class Camera:
         depth = in_camera[:, 2]
         center = np.array([self.width / 2, self.height / 2], dtype=points.dtype)
         return in_camera[:, :2] * (self.focal / depth)[:, None] + center, depth
+
+    def pixel_width(self, depth: Numbers) -> Numbers:
+        """Width of a pixel in world units at a depth, or at each of several."""
+        return depth / self.focal
 
     def frame_coordinates(self, step: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Positions u, v (height/step, width/step) float32 of the centers of step x step cells.

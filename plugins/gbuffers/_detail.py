@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import DISTANCE, Camera
+from z2p_core.camera import Camera
+from z2p_core.camera_placement.placed_camera import PlacedCamera, widened
 from z2p_core.images import linear_from_srgb, srgb_from_linear
 from z2p_core.interfaces import PointColors
 from z2p_core.shading.detail_light import transfer_light
@@ -22,22 +23,19 @@ from z2p_core.surface.noise_level import neighbor_count
 from z2p_core.surface.normals import SurfacePoints, estimate_surface
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS
 from z2p_core.surface.viewer_facing import face_viewer
-from z2p_core.surface.visible_points import visible_points
+from z2p_core.surface.visible_points import typical_depth, visible_points
 from z2p_renderer.plugins.gbuffers._shaders import MaterialShader
 
 MIN_SPACING = 1e-5
 """Smallest spacing of the points that an image shows, in world units."""
-MAX_DISTANCE_ERROR = 1e-6
-"""Difference from the usual distance of the camera that is rounding, in world units."""
-PATCH_NEIGHBORS = 12
-"""Neighbors to whose places a clean surface is fitted: fewer than for a sparse cloud, whose points are no means."""
+PATCH_NEIGHBORS = 16
+"""Neighbors to whose places a clean surface is fitted, once: more would smooth relief away, fewer are noisier."""
 MAX_RELIEF_TO_SPACING = 0.15
 """Noise, in spacings, up to which it is taken for fine relief, which more neighbors would smooth away."""
 NEIGHBORS_PER_NOISE = 150.0
 """Neighbors added for each spacing of noise beyond, until there are as many as in a sparse cloud."""
-
-ONE_JET_PIXELS = 1.0
-"""Spacing of a cloud, in pixels, below which curved patches are fitted only once, as they are hardly a pixel wide."""
+BORDER_SPACINGS, MAX_BORDER_PIXELS = 4.0, 64
+"""Border around the image of a user's camera whose points belong to patches as well, in the points' spacings."""
 
 
 @dataclass(frozen=True)
@@ -59,21 +57,23 @@ def visible_detail(
 ) -> Detail | None:  # fmt: skip
     """What the camera sees of a dense cloud (N, 3); None where the points that are lit are drawn themselves.
 
-    So are those of clouds that are not dense, and in views by cameras elsewhere than weights know them. `surface` has
-    the points of the cloud that are lit, `spacing` is their median spacing.
+    So are those of clouds that are not dense. `surface` has the points of the cloud that are lit, `spacing` is their
+    median spacing.
     """
-    if not shows_detail(cloud, camera):
+    if not shows_detail(cloud):
         return None
     own_spacing = spacing * math.sqrt(len(surface.points) / len(cloud))
     has_own_colors = colors is not None and np.array_equal(colors.points, cloud)
     values = colors.albedo if colors is not None and has_own_colors else None
+    if isinstance(camera, PlacedCamera):
+        pixels = math.ceil(BORDER_SPACINGS * max(own_spacing / camera.pixel_width(typical_depth(cloud, camera)), 1))
+        camera = widened(camera, min(pixels, MAX_BORDER_PIXELS))
     merged = visible_points(cloud, values, camera, own_spacing, surface.noise)
     if not len(merged.points):  # all of it lies beside the image
         return None
     grid = native.ScreenGrid(merged.points, camera)
-    jets = 1 if own_spacing < ONE_JET_PIXELS * DISTANCE / camera.focal else 2
-    shown = estimate_surface(merged.points, False, count_patch_neighbors, grid, jets)
-    surfels, radii = make_surfels(shown, max(float(np.median(shown.spacing)), MIN_SPACING))
+    shown = estimate_surface(merged.points, False, count_patch_neighbors, grid, jet_iterations=1)
+    surfels, radii = make_surfels(shown, typical_spacing(shown, camera))
     if merged.values is not None and shown.grid is grid:
         return Detail(shown, surfels, radii, merged.values[grid.order])
     if merged.values is not None:
@@ -81,21 +81,27 @@ def visible_detail(
     return Detail(shown, surfels, radii, None if colors is None else surface_albedo(shown, colors))
 
 
-def shows_detail(cloud: np.ndarray, camera: Camera) -> bool:
-    """Whether an image shows more of a cloud (N, 3) than the points that are lit."""
-    return len(cloud) > MAX_SURFACE_POINTS and _is_usual(camera)
+def shows_detail(cloud: np.ndarray) -> bool:
+    """Whether images show more of a cloud (N, 3) than the points that are lit."""
+    return len(cloud) > MAX_SURFACE_POINTS
+
+
+def typical_spacing(shown: SurfacePoints, camera: Camera) -> float | np.ndarray:
+    """Median spacing of the N shown points, in world units; (N,), in pixels the same, if their depths differ much.
+
+    The farther away points lie, the more of them share a pixel and are drawn as one.
+    """
+    if camera.is_canonical or camera.orthographic:
+        return max(float(np.median(shown.spacing)), MIN_SPACING)
+    depth = np.maximum((shown.points - camera.position) @ camera.rotation[2], camera.near_plane)
+    spacing: np.ndarray = np.maximum(np.median(shown.spacing / depth) * depth, MIN_SPACING).astype(np.float32)
+    return spacing
 
 
 def count_patch_neighbors(noise: float) -> int:
     """Number of neighbors that a patch of the shown points is fitted to, for noise in spacings."""
     beyond = NEIGHBORS_PER_NOISE * max(noise - MAX_RELIEF_TO_SPACING, 0)
     return int(min(PATCH_NEIGHBORS + beyond, neighbor_count(noise)))
-
-
-def _is_usual(camera: Camera) -> bool:
-    """Whether the camera stands at the usual distance, and its pixels are all alike."""
-    is_near = abs(float(np.linalg.norm(camera.position)) - DISTANCE) < MAX_DISTANCE_ERROR
-    return is_near and camera.is_canonical and not camera.orthographic
 
 
 class DetailShader:

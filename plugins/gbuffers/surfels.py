@@ -121,7 +121,7 @@ class Surfels(GBuffer):
             out.fill(0)
             return
         quality = self.quality
-        surface, spacing = self.estimate(cloud, not shows_detail(cloud, camera))
+        surface, spacing = self.estimate(cloud, not shows_detail(cloud))
         floor_height = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
         normals = face_viewer(surface.points, surface.normals, camera.position)
         lit = light_scene(surface, normals, spacing, scene, floor_height)
@@ -153,7 +153,7 @@ class Surfels(GBuffer):
 
     def make_geometry(self, cloud: np.ndarray) -> SurfelGeometry:
         """All of a cloud (N, 3), N >= 1, that depends neither on the camera nor on the light."""
-        surface, spacing = self.estimate(cloud, len(cloud) <= MAX_SURFACE_POINTS)
+        surface, spacing = self.estimate(cloud, not shows_detail(cloud))
         return SurfelGeometry(surface, spacing, *make_surfels(surface, spacing))
 
     def casters(self, geometry: SurfelGeometry, spacing: float) -> native.ShadowCasters:

@@ -13,7 +13,7 @@ from typing import cast
 
 import numpy as np
 
-from z2p_core.camera import DEFAULT_ELEVATION, DISTANCE, FIELD_OF_VIEW, Camera
+from z2p_core.camera import DEFAULT_ELEVATION, DISTANCE, FIELD_OF_VIEW, Camera, Numbers
 from z2p_core.linalg import rotate_points
 from z2p_core.pinhole import PinholeCamera
 from z2p_core.placement.viewpoint import Viewpoint
@@ -107,6 +107,12 @@ class PlacedCamera(Camera):
     def depth_range(self) -> tuple[float, float]:
         """Depths of the nearest and the farthest point of the unit sphere, in world units."""
         return self.origin_depth - 1, self.origin_depth + 1
+
+    def pixel_width(self, depth: Numbers) -> Numbers:
+        """Width of a pixel in world units at a depth, or at each of several; mean of both sides of oblong ones."""
+        if not self.parallel:
+            return depth / self.focal
+        return np.full_like(depth, 1 / self.focal) if isinstance(depth, np.ndarray) else 1 / self.focal
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pixel coordinates (N, 2), x right and y down, and depths (N,), of world points (N, 3)."""

@@ -18,12 +18,14 @@ from z2p_core.native.library import (
     FLOATS_OUT,
     INT,
     INT64,
+    Struct,
     as_float32,
     call,
     check_output,
     declare,
     select_variant,
 )
+from z2p_core.native.screen_view import ScreenView, screen_view
 from z2p_core.parallel import parallel_rows
 
 MIN_PARALLEL_ROWS = 400
@@ -34,7 +36,7 @@ CHANNEL_GROUP = 4
 """Output channels that the convolution kernel computes at a time (`GROUP` in `c/image/final_convs.c`)."""
 
 declare(
-    "z2p_nearest_depth", points=FLOATS, count=INT64, camera=FLOATS, focal=FLOAT, width=INT, height=INT, margin=INT,
+    "z2p_nearest_depth", points=FLOATS, count=INT64, view=Struct(ScreenView), margin=INT,
     depths=FLOATS_OUT,
 )  # fmt: skip
 declare("z2p_window_minimum", image=FLOATS, height=INT, width=INT, size=INT, out=FLOATS_OUT)
@@ -65,21 +67,19 @@ declare(
 )  # fmt: skip
 
 
-def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
-    """Depth (H + 2 margin, W + 2 margin) of the nearest point in each pixel, infinity where there is none.
+def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int, pixels_per_cell: float = 1.0) -> np.ndarray:
+    """Depth (H + 2 margin, W + 2 margin) of the nearest point in each cell, infinity where there is none.
 
     Args:
-        cloud: (N, 3), points in world coordinates. A point falls into the one pixel that holds its projection.
-        camera: gives pose, size and focal length.
-        margin: pixels that are added beyond each border of the camera's image.
+        cloud: (N, 3), points in world coordinates. A point falls into the one cell that holds its projection.
+        camera: gives the image; H and W are its size in cells.
+        margin: cells that are added beyond each border of the image.
+        pixels_per_cell: width of the square cells.
     """
-    height, width = camera.height + 2 * margin, camera.width + 2 * margin
+    view = screen_view(camera, pixels_per_cell)
+    height, width = view.height + 2 * margin, view.width + 2 * margin
     depths = np.full(height * width + 1, np.inf, np.float32)  # the last one takes the points outside
-    pose = np.concatenate([camera.rotation.ravel(), camera.position])
-    call(
-        "z2p_nearest_depth", as_float32(cloud), len(cloud), as_float32(pose), camera.focal, width, height, margin,
-        depths,
-    )  # fmt: skip
+    call("z2p_nearest_depth", as_float32(cloud), len(cloud), view, margin, depths)
     return depths[:-1].reshape(height, width)
 
 

@@ -30,6 +30,7 @@ from z2p_core.native.library import (
     check_output,
     declare,
 )
+from z2p_core.native.screen_view import ScreenView, screen_view
 from z2p_core.parallel import parallel_rows
 
 MAX_LIT_POINTS = 0xFFFF
@@ -84,17 +85,6 @@ class FloorShadowView(ctypes.Structure):
     ]
 
 
-class FineScreen(ctypes.Structure):
-    """The C structure of that name (`c/lighting/fine_occlusion.c`)."""
-
-    _fields_ = [
-        ("width", ctypes.c_int),
-        ("height", ctypes.c_int),
-        ("focal", ctypes.c_float),
-        ("radius", ctypes.c_float),
-    ]
-
-
 FLOOR = Struct(FloorLight)
 
 declare(
@@ -127,10 +117,10 @@ declare(
     "z2p_unshadowed_light", points=FLOATS, normals=FLOATS, begin=INT, end=INT, light_positions=FLOATS,
     light_axes=FLOATS, light_powers=FLOATS, light_count=INT, irradiance=FLOATS_OUT,
 )  # fmt: skip
-declare("z2p_index_screen", points=FLOATS, count=INT, screen=Struct(FineScreen), index=INTS_OUT)
+declare("z2p_index_screen", points=FLOATS, count=INT, screen=Struct(ScreenView), index=INTS_OUT)
 declare(
-    "z2p_fine_occlusion", points=FLOATS, normals=FLOATS, begin=INT, end=INT, index=INTS, screen=Struct(FineScreen),
-    light=FLOATS, sky=FLOATS_OUT, direct=FLOATS_OUT,
+    "z2p_fine_occlusion", points=FLOATS, normals=FLOATS, begin=INT, end=INT, index=INTS, screen=Struct(ScreenView),
+    radius=FLOAT, light=FLOATS, sky=FLOATS_OUT, direct=FLOATS_OUT,
 )  # fmt: skip
 declare(
     "z2p_floor_visibility", points=FLOATS, normals=FLOATS, count=INT, axes=FLOATS, axis_count=INT, floor_height=FLOAT,
@@ -331,19 +321,18 @@ def fine_occlusion(
     Args:
         points: (N, 3), in camera axes, relative to the camera's position.
         normals: (N, 3), unit length, facing the camera, in its axes.
-        camera: gives size and focal length of the screen.
+        camera: gives the screen.
         light: (3,), the light's position in camera axes, relative to the camera's position.
         cells_per_pixel: cells of the screen along a side of a pixel; few should hold no point.
         radius: distance within which relief hides light, in world units.
     """
-    width, height = (max(int(side * cells_per_pixel), 1) for side in (camera.width, camera.height))
-    screen = FineScreen(width, height, camera.focal * cells_per_pixel, radius)
-    cloud, index = (as_float32(points), as_float32(normals)), np.empty((height, width), np.int32)
+    screen = screen_view(camera, 1 / cells_per_pixel)
+    cloud, index = (as_float32(points), as_float32(normals)), np.empty((screen.height, screen.width), np.int32)
     call("z2p_index_screen", cloud[0], len(points), screen, index)
     sky, direct = np.empty(len(points), np.float32), np.empty(len(points), np.float32)
 
     def search(begin: int, end: int) -> None:
-        call("z2p_fine_occlusion", *cloud, begin, end, index, screen, as_float32(light), sky, direct)
+        call("z2p_fine_occlusion", *cloud, begin, end, index, screen, radius, as_float32(light), sky, direct)
 
     parallel_rows(search, len(points))
     return sky, direct

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,6 +26,7 @@ from z2p_core.native.library import (
     declare,
     select_variant,
 )
+from z2p_core.native.screen_view import ScreenView, screen_view
 from z2p_core.parallel import parallel_rows
 
 MAX_BAND_CELLS = 1 << 21
@@ -36,15 +36,13 @@ WALK = 256
 """Positions in a row that are found from each other (`c/points/neighbor_grid.c`)."""
 
 
-class CellGrid(ctypes.Structure):
+class MergedRows(ctypes.Structure):
     """The C structure of that name (`c/points/visible_cells.c`)."""
 
     _fields_ = [
-        ("width", ctypes.c_int),
-        ("height", ctypes.c_int),
         ("first_row", ctypes.c_int),
         ("last_row", ctypes.c_int),
-        ("focal", ctypes.c_float),
+        ("merge_cells", ctypes.c_float),
         ("merge_depth", ctypes.c_float),
     ]
 
@@ -80,9 +78,9 @@ declare(
     state_after=FLOATS_OUT, messages_after=FLOATS_OUT,
 )  # fmt: skip
 declare(
-    "z2p_merge_visible", points=FLOATS, values=FLOATS_OR_NONE, count=INT64, camera=FLOATS, grid=Struct(CellGrid),
-    front=FLOATS, front_width=INT, front_height=INT, per_front=FLOAT, merged=FLOATS_OUT, merged_values=FLOATS_OUT,
-    numbers=FLOATS_OUT, merged_count=INT64S_OUT,
+    "z2p_merge_visible", points=FLOATS, values=FLOATS_OR_NONE, count=INT64, view=Struct(ScreenView),
+    rows=Struct(MergedRows), front=FLOATS, front_width=INT, front_height=INT, per_front=FLOAT, merged=FLOATS_OUT,
+    merged_values=FLOATS_OUT, numbers=FLOATS_OUT, merged_count=INT64S_OUT,
 )  # fmt: skip
 declare(
     "z2p_interpolate_values", positions=FLOATS, normals=FLOATS, neighbors=INTS, begin=INT, end=INT, neighbor_count=INT,
@@ -107,35 +105,36 @@ class MergedPoints:
 
 
 def merge_visible(
-    points: np.ndarray, values: np.ndarray | None, camera: Camera, cells_per_pixel: float, merge_depth: float,
-    front: np.ndarray,
+    points: np.ndarray, values: np.ndarray | None, camera: Camera, cells_per_pixel: float, merge_cells: float,
+    merge_depth: float, front: np.ndarray, front_pixels: float,
 ) -> MergedPoints:  # fmt: skip
     """The points of a cloud that an image shows, joined where several lie in a cell of it. Their order does not matter.
 
     Args:
         points: (N, 3) float32, in world coordinates.
         values: (N, 3), of the points; None for none.
-        camera: gives pose, size and focal length of the image.
+        camera: gives the image.
         cells_per_pixel: cells along a side of a pixel.
-        merge_depth: how far behind the nearest point of its cell a point may lie to count, in world units.
+        merge_cells: how far behind the nearest point of its cell a point may lie to count, in widths of a cell ...
+        merge_depth: ... plus this many world units.
         front: (h, w), depths over the image: a cell whose nearest point lies behind them is not shown.
+        front_pixels: width of the square cells of `front`, in pixels.
     """
-    width, height = (math.ceil(side * cells_per_pixel) for side in (camera.width, camera.height))
-    pose = as_float32(np.concatenate([camera.rotation.ravel(), camera.position]))
-    cloud = (as_float32(points), None if values is None else as_float32(values), len(points), pose)
+    view = screen_view(camera, 1 / cells_per_pixel)
+    width, height = view.width, view.height
+    cloud = (as_float32(points), None if values is None else as_float32(values), len(points), view)
     bands = max(2, -(-width * height // MAX_BAND_CELLS))
     parts: list[MergedPoints | None] = [None] * bands
 
     def merge(first: int, last: int) -> None:
         for band in range(first, last):
             rows = (band * height // bands, (band + 1) * height // bands)
-            grid = CellGrid(width, height, *rows, camera.focal * cells_per_pixel, merge_depth)
             most = min(len(points), (rows[1] - rows[0]) * width)
             merged, merged_values = np.empty((max(most, 1), 3), np.float32), np.empty((max(most, 1), 3), np.float32)
             numbers, count = np.empty(max(most, 1), np.float32), np.zeros(1, np.int64)
             call(
-                "z2p_merge_visible", *cloud, grid, as_float32(front), front.shape[1], front.shape[0],
-                width / front.shape[1], merged, merged_values, numbers, count,
+                "z2p_merge_visible", *cloud, MergedRows(*rows, merge_cells, merge_depth), as_float32(front),
+                front.shape[1], front.shape[0], front_pixels * cells_per_pixel, merged, merged_values, numbers, count,
             )  # fmt: skip
             kept = slice(int(count[0]))
             parts[band] = MergedPoints(

@@ -2,38 +2,33 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 
 import numpy as np
 
 from z2p_core.camera import Camera
 from z2p_core.native.library import FLOATS, FLOATS_OUT, INT, INTS, INTS_OUT, Struct, as_float32, call, declare
+from z2p_core.native.screen_view import ScreenView, screen_view
 from z2p_core.parallel import parallel_rows
 
 POINTS_PER_CELL = 5.0
 """Mean number of points in the occupied cells of the screen: 3 by 3 of them hold a point's neighbors."""
 AREA_CELLS = 96
 """Cells along the longer side of the image by which the area that the points cover is estimated."""
+MIN_CELL_PIXELS = 0.25
 BATCH = 16
 """Points that the kernel reads at a time, perhaps beyond the last one."""
 
 
-class ScreenCells(ctypes.Structure):
-    """The C structure of that name (`c/points/screen_grid.c`)."""
-
-    _fields_ = [("width", ctypes.c_int), ("height", ctypes.c_int), ("focal", ctypes.c_float)]
-
-
 declare(
-    "z2p_screen_occupancy", points=FLOATS, count=INT, camera=FLOATS, screen=Struct(ScreenCells), occupied=INTS_OUT
+    "z2p_screen_occupancy", points=FLOATS, count=INT, screen=Struct(ScreenView), occupied=INTS_OUT
 )  # fmt: skip
 declare(
-    "z2p_screen_sort", points=FLOATS, count=INT, camera=FLOATS, screen=Struct(ScreenCells), sorted=FLOATS_OUT,
-    columns=FLOATS_OUT, order=INTS_OUT, start=INTS_OUT,
+    "z2p_screen_sort", points=FLOATS, count=INT, screen=Struct(ScreenView), sorted=FLOATS_OUT, columns=FLOATS_OUT,
+    order=INTS_OUT, start=INTS_OUT,
 )  # fmt: skip
 declare(
-    "z2p_screen_neighbors", columns=FLOATS, count=INT, start=INTS, camera=FLOATS, screen=Struct(ScreenCells),
+    "z2p_screen_neighbors", columns=FLOATS, count=INT, start=INTS, screen=Struct(ScreenView),
     positions=FLOATS, begin=INT, end=INT, most=INT, neighbors=INTS_OUT, spacing=FLOATS_OUT,
 )  # fmt: skip
 
@@ -50,16 +45,14 @@ class ScreenGrid:
     """
 
     def __init__(self, points: np.ndarray, camera: Camera) -> None:
-        """`points` (N, 3) float32, finite, in world units; the camera is that of an image at the usual distance."""
+        """`points` (N, 3) float32, finite, in world units; the camera is that of the image that shows them."""
         points, count = as_float32(points), len(points)
-        self._pose = as_float32(np.concatenate([camera.rotation.ravel(), camera.position]))
-        self._screen = _choose_cells(points, camera, self._pose)
+        self._screen = _choose_cells(points, camera)
         self.points, self.order = np.empty((count, 3), np.float32), np.empty(count, np.int32)
         self._columns = np.empty((3, count + BATCH), np.float32)
         self._start = np.empty(self._screen.width * self._screen.height + 1, np.int32)
         call(
-            "z2p_screen_sort", points, count, self._pose, self._screen, self.points, self._columns, self.order,
-            self._start,
+            "z2p_screen_sort", points, count, self._screen, self.points, self._columns, self.order, self._start
         )  # fmt: skip
 
     def neighbors(self, query_indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -79,23 +72,17 @@ class ScreenGrid:
 
         def find(begin: int, end: int) -> None:
             call(
-                "z2p_screen_neighbors", self._columns, len(self.points), self._start, self._pose, self._screen,
-                positions, begin, end, count, neighbors, spacing,
+                "z2p_screen_neighbors", self._columns, len(self.points), self._start, self._screen, positions,
+                begin, end, count, neighbors, spacing,
             )  # fmt: skip
 
         parallel_rows(find, len(positions))
         return neighbors, spacing
 
 
-def _choose_cells(points: np.ndarray, camera: Camera, pose: np.ndarray) -> ScreenCells:
+def _choose_cells(points: np.ndarray, camera: Camera) -> ScreenView:
     """Cells of which those that are not empty hold `POINTS_PER_CELL` of the points (N, 3) on average."""
-    coarse, occupied = _cells(camera, max(camera.width, camera.height) / AREA_CELLS), np.zeros(1, np.int32)
-    call("z2p_screen_occupancy", points, len(points), pose, coarse, occupied)
-    pixels = int(occupied[0]) * (camera.focal / coarse.focal) ** 2
-    return _cells(camera, max(math.sqrt(POINTS_PER_CELL * pixels / len(points)), 0.25))
-
-
-def _cells(camera: Camera, pixels: float) -> ScreenCells:
-    """Square cells so many pixels wide."""
-    width, height = (max(math.ceil(side / pixels), 1) for side in (camera.width, camera.height))
-    return ScreenCells(width, height, camera.focal / pixels)
+    pixels, occupied = max(camera.width, camera.height) / AREA_CELLS, np.zeros(1, np.int32)
+    call("z2p_screen_occupancy", points, len(points), screen_view(camera, pixels), occupied)
+    area = int(occupied[0]) * pixels**2
+    return screen_view(camera, max(math.sqrt(POINTS_PER_CELL * area / len(points)), MIN_CELL_PIXELS))

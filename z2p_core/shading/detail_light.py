@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import DISTANCE, Camera
+from z2p_core.camera import Camera
 from z2p_core.linalg import rotate_points, row_dots
 from z2p_core.shading.area_light import area_light_quad, area_light_samples, hemisphere_axes
 from z2p_core.shading.light_transport import POINT_LIGHT_SAMPLES, LightField, Quality
 from z2p_core.surface.normals import SurfacePoints
-from z2p_core.surface.visible_points import CELLS_PER_PIXEL
+from z2p_core.surface.visible_points import CELLS_PER_PIXEL, typical_depth
 
 LIGHT_NEIGHBORS = 8
 """Lit points from which light is interpolated."""
@@ -33,6 +33,8 @@ MIN_RADIANCE = 1e-4
 """Least radiance that another one is divided by."""
 RELIEF_SPACINGS = 2.0
 """Distance within which relief hides light, in spacings of the lit points: beyond, these see it themselves."""
+RELIEF_ALBEDO = 0.3
+"""Albedo of relief for the light that it sends to where it hides the sky: that with which detailed meshes look best."""
 SPACINGS_PER_CELL = 1.2
 """Width of the screen's cells in which relief is searched, in spacings of its points: not many cells are empty."""
 
@@ -95,6 +97,7 @@ def transfer_light(
     own_direct = share * near_light * native.unshadowed_light(positions, normals, *samples) / np.float32(math.pi)
     along_normal = row_dots(np.stack(vector, axis=1), normals)
     own_indirect = sky * np.maximum(along_normal, MIN_INDIRECT_SHARE * indirect)
+    own_indirect += (1 - sky) * RELIEF_ALBEDO * (direct + indirect)  # what hides the sky is lit as well
     ratio = (own_direct + own_indirect) / np.maximum(direct + indirect, MIN_RADIANCE)
     return DetailLight(
         positions, normals, neighbors, scene.points, scene.normals, np.clip(ratio, 0, MAX_LIGHT_RATIO)
@@ -107,7 +110,8 @@ def _fine_occlusion(
     """Shares (M,) of sky and area light that relief between the lit points leaves visible from the M shown points."""
     rotation, position = camera.rotation.astype(np.float32), camera.position
     light_center = camera.rotation @ (area_light_quad(light.scene.light)[0] - position)
-    pixel, spacing = DISTANCE / camera.focal, float(np.median(shown.spacing))
+    pixel = camera.pixel_width(typical_depth(shown.points, camera))
+    spacing = float(np.median(shown.spacing))
     cells_per_pixel = min(CELLS_PER_PIXEL, pixel / (SPACINGS_PER_CELL * max(spacing, 1e-6)))
     points = rotate_points(shown.points - position.astype(np.float32), rotation)
     reach = RELIEF_SPACINGS * float(np.median(lit.spacing))

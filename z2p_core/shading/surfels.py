@@ -46,11 +46,13 @@ MERGE_DISTANCE_SPACINGS = 0.75
 """Grid cell in which two centers of holes count as one, in spacings."""
 
 
-def make_surfels(surface: SurfacePoints, spacing: float) -> tuple[SurfacePoints, np.ndarray]:
-    """The surfels of a surface with that median spacing, and their radii (M,) float32 in world units.
+def make_surfels(surface: SurfacePoints, spacing: float | np.ndarray) -> tuple[SurfacePoints, np.ndarray]:
+    """The surfels of a surface, and their radii (M,) float32 in world units.
 
-    The first N surfels are those of the surface's points; those that close holes follow.
+    The first N surfels are those of the surface's points; those that close holes follow. `spacing`, above 0, is the
+    median one of the points, or that near each of them, (N,).
     """
+    spacing = np.broadcast_to(np.float32(spacing), len(surface.points))
     points, normals = surface.points, surface.normals
     widest = MAX_SPACING_SHARE * np.maximum(surface.neighbor_spacing, spacing)
     own_spacing = np.clip(surface.spacing, MIN_SPACING_SHARE * spacing, widest)
@@ -89,14 +91,13 @@ def disc_sample_points(surfels: SurfacePoints, radii: np.ndarray) -> np.ndarray:
 
 def _add_hole_surfels(
     surface: SurfacePoints, radii: np.ndarray, rim: np.ndarray, hole_radii: np.ndarray, hole_centers: np.ndarray,
-    spacing: float,
+    spacing: np.ndarray,
 ) -> tuple[SurfacePoints, np.ndarray]:  # fmt: skip
-    """The surfels and radii of a surface with that median spacing, with surfels that close holes at the end.
+    """The surfels and radii of a surface whose points have the spacings (N,), with those that close holes at the end.
 
     `rim` (R,) int32 are the points at rims; the hole at each has the radius (R,) and the center (R, 3).
     """
-    cells = np.floor(hole_centers / (MERGE_DISTANCE_SPACINGS * spacing)).astype(np.int64)
-    _, first = np.unique(cells, axis=0, return_index=True)
+    first = _distinct_cells(hole_centers, MERGE_DISTANCE_SPACINGS * spacing[rim])
     rim, hole_radii, hole_centers = rim[first], hole_radii[first], hole_centers[first]
     nearest = surface.grid.neighbors_of_positions(hole_centers, HOLE_NEIGHBORS)
     disc_radii, centers, normals = native.find_hole_discs(
@@ -115,3 +116,11 @@ def _add_hole_surfels(
         neighbors=np.concatenate([surface.neighbors, surface.grid.neighbors_of_positions(centers, neighbor_count)]),
     )
     return surfels, np.concatenate([radii, disc_radii[is_hole]])
+
+
+def _distinct_cells(centers: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """Indices of one center of each grid cell that holds some of them (R, 3), for cells of these widths (R,)."""
+    if len(widths) and widths.min() < widths.max():  # cells whose widths are powers of 2 lie within each other
+        widths = np.exp2(np.floor(np.log2(widths)))
+    cells = np.column_stack([np.floor(centers / widths[:, None]), widths])
+    return np.unique(cells, axis=0, return_index=True)[1]

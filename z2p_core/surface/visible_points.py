@@ -6,9 +6,6 @@ than each of them, and the image could not show them apart. Points that surely l
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-
 import numpy as np
 
 from z2p_core import native
@@ -23,9 +20,13 @@ MIN_FRONT_CELL_PIXELS = 2.0
 FRONT_DEPTH_CELLS = 4.0
 """How far behind all coarse cells around it a point has to lie to be hidden, in widths of such a cell."""
 MERGE_DEPTH_CELLS = 3.0
-"""How far behind the nearest point of its cell a point may lie to count in the mean, in widths of a cell ..."""
+"""How far behind the nearest point of its cell a point may lie to count in the mean, in widths of the cell ..."""
 MERGE_DEPTH_SIGMAS = 3.0
 """... plus this many standard deviations of the noise."""
+
+
+SURVEY_CELL_PIXELS = 16.0
+"""Width of the cells in which the depths of what a user's camera sees are surveyed."""
 
 
 def visible_points(
@@ -40,17 +41,28 @@ def visible_points(
         spacing: distance between neighboring points, in world units.
         noise: standard deviation of the points off their surface, in world units.
     """
-    pixel = DISTANCE / camera.focal
-    merge_depth = MERGE_DEPTH_CELLS * pixel / CELLS_PER_PIXEL + MERGE_DEPTH_SIGMAS * noise
-    return native.merge_visible(cloud, values, camera, CELLS_PER_PIXEL, merge_depth, _front(cloud, camera, spacing))
+    pixel_spacing = spacing / camera.pixel_width(typical_depth(cloud, camera))
+    front_pixels = max(FRONT_CELL_SPACINGS * pixel_spacing, MIN_FRONT_CELL_PIXELS)
+    front = _front(cloud, camera, front_pixels)
+    return native.merge_visible(
+        cloud, values, camera, CELLS_PER_PIXEL, MERGE_DEPTH_CELLS, MERGE_DEPTH_SIGMAS * noise, front, front_pixels
+    )
 
 
-def _front(cloud: np.ndarray, camera: Camera, spacing: float) -> np.ndarray:
-    """Depths (h, w) over the image behind which nothing shows: infinite where a coarse cell nearby holds no point."""
-    pixel = DISTANCE / camera.focal
-    pixels = max(FRONT_CELL_SPACINGS * spacing / pixel, MIN_FRONT_CELL_PIXELS)
-    width, height = (max(math.ceil(side / pixels), 1) for side in (camera.width, camera.height))
-    coarse = replace(camera, width=width, height=height)
-    nearest = native.nearest_depth(cloud, coarse, margin=1)
+def typical_depth(cloud: np.ndarray, camera: Camera) -> float:
+    """Median depth over the image of the points (N, 3) that it shows, in world units; `DISTANCE` if there are none.
+
+    Of usual cameras it is known without a look at the points.
+    """
+    if camera.is_canonical:
+        return DISTANCE
+    depths = native.nearest_depth(cloud, camera, 0, SURVEY_CELL_PIXELS)
+    seen = depths[np.isfinite(depths)]
+    return float(np.median(seen)) if len(seen) else DISTANCE
+
+
+def _front(cloud: np.ndarray, camera: Camera, pixels: float) -> np.ndarray:
+    """Depths (h, w), in cells so many pixels wide, behind which nothing shows, infinite near empty cells."""
+    nearest = native.nearest_depth(cloud, camera, 1, pixels)
     deepest = -native.window_minimum(np.negative(nearest), 3)
-    return deepest + np.float32(FRONT_DEPTH_CELLS * pixels * pixel)
+    return deepest + np.float32(FRONT_DEPTH_CELLS * pixels) * camera.pixel_width(deepest)

@@ -7,7 +7,9 @@ import pytest
 
 from z2p_core import registry
 from z2p_core.camera import Camera
+from z2p_core.camera_placement.zoomed_camera import zoomed_camera
 from z2p_core.interfaces import GBuffer, PointColors
+from z2p_core.placement.zoom import Zoom
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import GBufferChannel
 
@@ -24,9 +26,9 @@ def ball(count: int, groove_depth: float = 0.0) -> np.ndarray:
     return (directions * radius[:, None]).astype(np.float32)
 
 
-def drawn(cloud: np.ndarray) -> np.ndarray:
+def drawn(cloud: np.ndarray, camera: Camera = CAMERA) -> np.ndarray:
     gbuffer: GBuffer = registry.load("gbuffers", "surfels")()
-    return gbuffer.draw(cloud, CAMERA, SceneDescription())
+    return gbuffer.draw(cloud, camera, SceneDescription())
 
 
 def contrast(features: np.ndarray) -> float:
@@ -41,6 +43,15 @@ def test_narrow_grooves_show_in_dense_clouds() -> None:
     plain, grooved = contrast(drawn(ball(400_000))), contrast(drawn(ball(400_000, 0.01)))
     assert plain < 0.004
     assert grooved > 4 * plain
+
+
+def test_zoomed_pictures_show_what_a_larger_one_does() -> None:
+    whole = drawn(ball(400_000, 0.01), Camera(576, 576))[:, 192:384, 192:384]
+    part = drawn(ball(400_000, 0.01), zoomed_camera(192, 192, 20.0, Zoom(3.0, (0.0, 0.0))))
+    difference = (part - whole)[GBufferChannel.RADIANCE_GREY]
+    assert contrast(part) == pytest.approx(contrast(whole), rel=0.1)
+    assert difference.std() < 0.5 * whole[GBufferChannel.RADIANCE_GREY].std()
+    assert abs(difference[whole[0] > 0.99].mean()) < 0.004
 
 
 def test_light_is_that_of_the_same_sphere_with_fewer_points() -> None:

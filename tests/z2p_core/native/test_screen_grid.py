@@ -32,7 +32,7 @@ def test_nearly_all_neighbors_are_the_nearest() -> None:
     assert (np.diff(found, axis=1) >= -1e-4).all()
     assert (found[:, 5] < 1.001 * expected[:, 5]).mean() > 0.9
     assert found[:, -1].mean() < 1.05 * expected[:, -1].mean()
-    np.testing.assert_allclose(np.median(spacing), np.sqrt(np.pi / 12) * np.median(expected[:, -1]), rtol=0.03)
+    np.testing.assert_allclose(np.median(spacing), np.sqrt(np.pi / 12) * np.median(expected[:, -1]), rtol=0.05)
 
 
 def test_points_far_behind_find_each_other() -> None:

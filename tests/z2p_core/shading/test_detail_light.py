@@ -9,6 +9,7 @@ import pytest
 
 from z2p_core import native
 from z2p_core.camera import DISTANCE, Camera
+from z2p_core.camera_placement.placed_camera import PlacedCamera
 from z2p_core.shading.area_light import area_light_samples
 
 CAMERA = Camera(128, 128)
@@ -36,6 +37,16 @@ def test_a_flat_wall_hides_nothing() -> None:
 def test_grooves_are_darker_inside() -> None:
     points = wall(0.02)
     sky, direct = occlusion(points, np.array([3.0, 0.0, DISTANCE - 0.6]))  # nearly along the wall, across the grooves
+    inside = points[:, 2] > DISTANCE + 0.01
+    assert sky[inside].mean() < 0.85 < 0.97 < sky[~inside].mean()
+    assert direct[inside].mean() < 0.6 < 0.95 < direct[~inside].mean()
+
+
+def test_relief_looks_alike_along_parallel_rays_in_oblong_pixels() -> None:
+    points = wall(0.02)
+    camera = PlacedCamera(128, 64, 0.0, (128.0, 64.0), (64.0, 32.0), parallel=True)
+    normals, light = np.repeat(FACING[None], len(points), axis=0), np.array([3.0, 0.0, DISTANCE - 0.6])
+    sky, direct = native.fine_occlusion(points, normals, camera, light, 1.5, 0.04)
     inside = points[:, 2] > DISTANCE + 0.01
     assert sky[inside].mean() < 0.85 < 0.97 < sky[~inside].mean()
     assert direct[inside].mean() < 0.6 < 0.95 < direct[~inside].mean()

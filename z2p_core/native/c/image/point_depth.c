@@ -6,19 +6,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/point_projection.h"
+#include "common/screen_view.h"
 #include "common/simd.h"
 
-/* Lowers depths (height * width + 1, of which the last takes all points outside) to those of points (count, 3). height
- * and width include a margin of `margin` pixels on every side of the image; camera (12) is its rotation (3, 3), world
- * to camera, and its position (3). */
-FAST int z2p_nearest_depth(const float *points, int64_t count, const float *camera, float focal, int width, int height,
-                           int margin, float *depths) {
+/* Lowers depths (rows * columns + 1, of which the last takes all points outside) to those of points (count, 3). Rows and
+ * columns include a margin of `margin` cells on every side of the screen. */
+FAST int z2p_nearest_depth(const float *points, int64_t count, const ScreenView *view, int margin, float *depths) {
     int32_t pixel[BLOCK];
-    float depth[BLOCK], center_x = 0.5f * (float)(width - 2 * margin), center_y = 0.5f * (float)(height - 2 * margin);
+    float depth[BLOCK];
     for (int64_t first = 0; first < count; first += BLOCK) {
         int size = count - first < BLOCK ? (int)(count - first) : BLOCK;
-        project_block(points + 3 * first, size, camera, focal, center_x, center_y, width, height, margin, pixel, depth);
+        project_block(points + 3 * first, size, view, margin, pixel, depth);
         for (int i = 0; i < size; i++) {
             float known = depths[pixel[i]];
             depths[pixel[i]] = depth[i] < known ? depth[i] : known;

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "common/lanes.h"
-#include "common/vec3.h"
+#include "common/screen_view.h"
 #include "points/neighbor_grid.h"
 
 #define BATCH 16             /* points whose distances are computed at a time */
@@ -19,35 +19,27 @@
 #define MAX_CANDIDATES (1 << SLOT_BITS)
 #define SPACING_NEIGHBORS 12 /* nearest points from whose distance the spacing is estimated */
 
-/* Size of the screen in cells, and its focal length in cells. Mirrored by z2p_core/native/screen_grid.py. */
-typedef struct {
-    int width, height;
-    float focal;
-} ScreenCells;
-
 INLINE int clamp_cell(float position, int count) {
     return position > 0 ? position < (float)count ? (int)position : count - 1 : 0;
 }
 
 /* Column and row of the cell on which a position falls, the nearest cell for positions beside the screen; returns the
- * width of cells at its depth. camera (12) is its rotation (3, 3), world to camera, and its position (3). */
-INLINE float find_cell(const float *p, const float *camera, const ScreenCells *screen, int *column, int *row) {
-    float offset[3] = {p[0] - camera[9], p[1] - camera[10], p[2] - camera[11]};
-    float scale = screen->focal / larger(dot(camera + 6, offset), 1e-6f);
-    *column = clamp_cell(dot(camera, offset) * scale + 0.5f * (float)screen->width, screen->width);
-    *row = clamp_cell(dot(camera + 3, offset) * scale + 0.5f * (float)screen->height, screen->height);
+ * width of cells at its depth. */
+INLINE float find_cell(const float *p, const ScreenView *screen, int *column, int *row) {
+    float x, y, scale = find_place(p, screen, &x, &y);
+    *column = clamp_cell(x, screen->width);
+    *row = clamp_cell(y, screen->height);
     return 1 / scale;
 }
 
 /* Writes to occupied (1) how many cells hold some of the points (count, 3). */
-int z2p_screen_occupancy(const float *points, int count, const float *camera, const ScreenCells *screen,
-                         int *occupied) {
+int z2p_screen_occupancy(const float *points, int count, const ScreenView *screen, int *occupied) {
     uint8_t *used = calloc((size_t)screen->width * screen->height, 1);
     if (!used) return 0;
     *occupied = 0;
     for (int i = 0; i < count; i++) {
         int column, row;
-        find_cell(points + 3 * (size_t)i, camera, screen, &column, &row);
+        find_cell(points + 3 * (size_t)i, screen, &column, &row);
         uint8_t *here = used + (size_t)row * screen->width + column;
         *occupied += !*here;
         *here = 1;
@@ -58,8 +50,8 @@ int z2p_screen_occupancy(const float *points, int count, const float *camera, co
 
 /* Sorts points (count, 3) by cell, those of a cell in their order: writes the sorted points as rows (count, 3) and as
  * columns (3, count + BATCH), where each was before, order (count), and where each cell starts, start (cells + 1). */
-int z2p_screen_sort(const float *points, int count, const float *camera, const ScreenCells *screen, float *sorted,
-                    float *columns, int *order, int *start) {
+int z2p_screen_sort(const float *points, int count, const ScreenView *screen, float *sorted, float *columns,
+                    int *order, int *start) {
     int cells = screen->width * screen->height, *cell = malloc(sizeof(int) * ((size_t)count + 1));
     int *fill_at = malloc(sizeof(int) * ((size_t)cells + 1));
     size_t room = (size_t)count + BATCH;
@@ -69,7 +61,7 @@ int z2p_screen_sort(const float *points, int count, const float *camera, const S
         memset(columns, 0, sizeof(float) * 3 * room);
         for (int i = 0; i < count; i++) {
             int column, row;
-            find_cell(points + 3 * (size_t)i, camera, screen, &column, &row);
+            find_cell(points + 3 * (size_t)i, screen, &column, &row);
             cell[i] = row * screen->width + column;
             start[cell[i] + 1]++;
         }
@@ -157,10 +149,10 @@ INLINE void add_candidates(Candidates *candidates, const float *columns, size_t 
 }
 
 /* Collects the points near position p: those of the cells around its own, in rings as far out as are needed. */
-INLINE void search_screen(const float *columns, size_t room, const int *start, const float *camera,
-                          const ScreenCells *screen, const float *p, int most, Candidates *candidates) {
+INLINE void search_screen(const float *columns, size_t room, const int *start, const ScreenView *screen,
+                          const float *p, int most, Candidates *candidates) {
     int column, row, farthest = screen->width > screen->height ? screen->width : screen->height;
-    float cell = find_cell(p, camera, screen, &column, &row);
+    float cell = find_cell(p, screen, &column, &row);
     for (int ring = 1; ring <= MAX_RING || (!candidates->count && ring <= 2 * farthest); ring *= 2) {
         int left = column > ring ? column - ring : 0, top = row > ring ? row - ring : 0;
         int right = column + ring < screen->width ? column + ring : screen->width - 1;
@@ -181,14 +173,12 @@ INLINE void search_screen(const float *columns, size_t room, const int *start, c
 /* For the positions [begin, end): neighbors (count, most), rows of the nearest of the points that `z2p_screen_sort`
  * sorted into columns (3, count + BATCH), nearest first, the last one repeated if there are fewer; and spacing (count),
  * the side of the square patch of surface that is a point's share, from the density of the nearest points. */
-FAST int z2p_screen_neighbors(const float *columns, int count, const int *start, const float *camera,
-                              const ScreenCells *screen, const float *positions, int begin, int end, int most,
-                              int *neighbors, float *spacing) {
+FAST int z2p_screen_neighbors(const float *columns, int count, const int *start, const ScreenView *screen,
+                              const float *positions, int begin, int end, int most, int *neighbors, float *spacing) {
     for (int i = begin; i < end; i++) {
         Candidates candidates;
         candidates.count = 0;
-        search_screen(columns, (size_t)count + BATCH, start, camera, screen, positions + 3 * (size_t)i, most,
-                      &candidates);
+        search_screen(columns, (size_t)count + BATCH, start, screen, positions + 3 * (size_t)i, most, &candidates);
         int found = candidates.count, used = found < SPACING_NEIGHBORS ? found : SPACING_NEIGHBORS;
         spacing[i] = used > 1 ? sqrtf(PI * squared_distance(&candidates, used - 1) / (float)used) : 0;
         int *out = neighbors + (size_t)i * most;
