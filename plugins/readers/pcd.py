@@ -51,7 +51,8 @@ class Pcd(Reader):
             return 0  # read reports the error
         size = path.stat().st_size
         if header.data == "ascii":
-            return MEMORY_A_CHARACTER * size
+            points = min(header.points, size, 2 * self.max_rows)
+            return points * MEMORY_A_POINT + min(size, 2 * _BLOCK_CHARACTERS) * MEMORY_A_CHARACTER
         plausible = min(header.points, _MAX_LZF_RATIO * size)  # read refuses a false count
         unpacked = size + plausible * header.row_bytes if header.data != "binary" else min(size, 2 * BLOCK_BYTES)
         return unpacked + min(plausible, self.max_rows) * MEMORY_A_POINT

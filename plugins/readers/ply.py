@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.formats.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
-from z2p_core.formats.row_subsampling import BLOCK_BYTES, subsample_blocks
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, ThinnedRows, subsample_blocks
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._cameras.camera_hints import read_3dgs_cameras, with_camera_hints
 from z2p_renderer.plugins.readers._cameras.model_cameras import with_model_cameras
@@ -30,13 +30,15 @@ from z2p_renderer.plugins.readers._helpers.point_fields import Wants, plan_field
 
 _MAX_WHOLE_ROW_BYTES = 64
 """Longer rows, such as those of Gaussian splats, are read in blocks."""
+_BLOCK_CHARACTERS = 1 << 22
+"""Text that is parsed at a time."""
 
 
 class Ply(Reader):
     """Polygon files, and Gaussian splats in them; faces, edges and lists of the vertices are left out."""
 
     name = "ply"
-    version = "4"
+    version = "5"
     takes_columns = False
     suffixes = (".ply",)
 
@@ -53,7 +55,9 @@ class Ply(Reader):
         except ScanError:
             return 0  # read reports the error
         if header.ascii:
-            return MEMORY_A_CHARACTER * path.stat().st_size
+            size = path.stat().st_size
+            points = min(vertex.count, size, 2 * self.max_rows)
+            return points * MEMORY_A_POINT + min(size, 2 * _BLOCK_CHARACTERS) * MEMORY_A_CHARACTER
         if not _has_fixed_offsets(header, vertex):
             return vertex.count * MEMORY_A_POINT + 2 * path.stat().st_size
         if vertex.count > self.max_rows:
@@ -61,7 +65,7 @@ class Ply(Reader):
         return vertex.count * MEMORY_A_POINT + 2 * vertex.least_bytes(ascii=False)
 
     def read(self, path: Path) -> list[RawCloud]:
-        """The file's vertices, one cloud (N, 3) float64; very large binary files are subsampled.
+        """The file's vertices, one cloud (N, 3) float64; very large files are subsampled.
 
         Raises:
             ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
@@ -100,9 +104,9 @@ def _read_cloud(path: Path, wants: Wants, max_rows: int) -> RawCloud:
 def _read_columns(
     file: io.BufferedReader, header: PlyHeader, vertex: PlyElement, columns: tuple[str, ...], max_rows: int
 ) -> dict[str, np.ndarray]:
-    """The columns (N,) of these names, in the types that the header tells; of very large binary files a subsample."""
+    """The columns (N,) of these names, in the types that the header tells; of very large files a subsample."""
     if header.ascii:
-        return _typed(_parse_ascii(vertex, _read_ascii_rows(file, header, vertex), columns), vertex, columns)
+        return _typed(_read_ascii(file, header, vertex, columns, max_rows), vertex, columns)
     if not _has_fixed_offsets(header, vertex):
         return _typed(parse_binary_lists(file.read(), header, vertex, columns), vertex, columns)
     _seek_vertices(file, header, vertex)
@@ -188,14 +192,29 @@ def _seek_vertices(file: io.BufferedReader, header: PlyHeader, vertex: PlyElemen
     file.seek(sum(element.least_bytes(ascii=False) for element in before), io.SEEK_CUR)
 
 
-def _read_ascii_rows(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> list[bytes]:
+def _read_ascii(
+    file: io.BufferedReader, header: PlyHeader, vertex: PlyElement, columns: tuple[str, ...], max_rows: int
+) -> np.ndarray:  # fmt: skip
+    """Numbers (M, len(columns)) float64 of the vertex rows, of at most `max_rows` of them, from behind the header on.
+
+    Raises:
+        ScanError: fewer rows than the header promises, or rows with other numbers.
+    """
     before = sum(element.count for element in header.elements[: header.elements.index(vertex)])
-    lines = [line for line in file.read().splitlines() if line.strip()]
-    rows = lines[before : before + vertex.count]
-    if len(rows) != vertex.count:
-        raise ScanError(f"the PLY header promises {vertex.count} vertices, {len(rows)} lines came; "
+    thinned, came = ThinnedRows(len(columns), max_rows, vertex.count), -before
+    while came < vertex.count and (block := file.read(_BLOCK_CHARACTERS)):
+        lines = [line for line in (block + file.readline()).splitlines() if line.strip()]
+        rows = lines[max(-came, 0) : vertex.count - came]
+        came += len(lines)
+        chosen = thinned.choose(len(rows))
+        if chosen is not None:
+            rows = [rows[row] for row in chosen]
+        if rows:
+            thinned.keep(_parse_ascii(vertex, rows, columns))
+    if came < vertex.count:
+        raise ScanError(f"the PLY header promises {vertex.count} vertices, {max(came, 0)} lines came; "
                         "the file is cut short: export it again")
-    return rows
+    return thinned.table()
 
 
 def _parse_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...]) -> np.ndarray:

@@ -12,9 +12,11 @@ import pytest
 
 from z2p_core.formats.row_subsampling import MAX_ROWS_LIMIT, MIN_ROWS_LIMIT, ThinnedRows, rows_for_picture
 from z2p_core.interfaces import Reader, ScanError
+from z2p_renderer.plugins.readers import ply
 from z2p_renderer.plugins.readers._helpers.las_header import packed_chunk_points
 from z2p_renderer.plugins.readers.las import Las
 from z2p_renderer.plugins.readers.pcd import Pcd
+from z2p_renderer.plugins.readers.ply import Ply
 from z2p_renderer.plugins.readers.ptx import Ptx
 from z2p_renderer.plugins.readers.text import Text
 from z2p_renderer.storage.scans.clouds import read_clouds
@@ -51,8 +53,18 @@ def write_pcd(path: Path) -> None:
     )
 
 
+def write_ply(path: Path) -> None:
+    """A mesh in text, with an element before its vertices."""
+    header = f"ply\nformat ascii 1.0\nelement camera 2\nproperty float f\nelement vertex {COUNT}\n"
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    faces = "element face 3\nproperty list uchar int vertex_indices\nend_header\n"
+    text = f"{header}{axes}{faces}35\n50\n{rows(POINTS)}" + 3 * "3 0 1 2\n"
+    path.write_text(text)
+
+
 TEXTS = [(Text, "a.xyz", write_xyz), (Text, "numbered.txt", write_numbered), (Text, "a.pts", write_pts),
-         (Ptx, "a.ptx", write_ptx), (Pcd, "a.pcd", write_pcd)]  # fmt: skip
+         (Ptx, "a.ptx", write_ptx), (Pcd, "a.pcd", write_pcd),
+         (Ply, "a.ply", write_ply)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("kind", "name", "write"), TEXTS)
@@ -66,6 +78,27 @@ def test_texts_keep_an_even_part_of_their_rows(
     assert scan.total == COUNT and KEPT / 2 <= len(kept) <= 1.3 * KEPT
     assert np.array_equal(scan.points, POINTS[kept])
     assert np.diff(kept).min() > 0 and np.diff(kept).max() <= 4 * COUNT / len(kept)
+
+
+@pytest.mark.parametrize("lines", ["\n", "\r\n", "\n\n"])
+def test_ply_text_is_the_same_in_any_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: str) -> None:
+    write_ply(tmp_path / "a.ply")
+    text = (tmp_path / "a.ply").read_bytes()
+    at = text.index(b"end_header\n") + len(b"end_header\n")
+    (tmp_path / "a.ply").write_bytes(text[:at] + text[at:].replace(b"\n", lines.encode()))
+    for size in (64, 1 << 22):
+        monkeypatch.setattr(ply, "_BLOCK_CHARACTERS", size)
+        [scan] = read_clouds(tmp_path / "a.ply")
+        assert np.array_equal(scan.points, POINTS)
+
+
+def test_ply_text_cut_short_says_how_many_vertices_came(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_ply(tmp_path / "a.ply")
+    kept = (tmp_path / "a.ply").read_text().splitlines()[: -3 - 40]
+    (tmp_path / "a.ply").write_text("\n".join(kept))
+    monkeypatch.setattr(ply, "_BLOCK_CHARACTERS", 1000)
+    with pytest.raises(ScanError, match=rf"promises {COUNT} vertices, {COUNT - 40} lines came"):
+        read_clouds(tmp_path / "a.ply")
 
 
 def test_the_limit_reaches_readers_in_processes_of_their_own(tmp_path: Path) -> None:
