@@ -12,7 +12,7 @@ from z2p_core.interfaces import SettingError, Value
 from z2p_core.pinhole import AnyCamera, LookAt, PinholeCamera
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.placement.zoom import UNZOOMED, Zoom
-from z2p_core.style import Style
+from z2p_core.style import BALLS, Style
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
 from z2p_renderer.pipeline.inference.styles import check_style
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
@@ -155,12 +155,12 @@ def build_look(
             controls = {**controls, "elevation": elevation}
     if own_camera is not None:
         own_camera, size = _sized_camera(own_camera, size, azimuth, controls)
-    options = PlacementOptions(
-        up=up, view=view, azimuth=azimuth, keep_outliers=keep_outliers, cut_top=cut_top, viewpoint=camera,
-        smooth=parse_smoothing(smooth), camera=own_camera,
-    )  # fmt: skip
     width, height = size
     style, values = style or Style(), parse_controls(renderer, controls)
+    options = PlacementOptions(
+        up=up, view=view, azimuth=azimuth, keep_outliers=keep_outliers, cut_top=cut_top, viewpoint=camera,
+        smooth=parse_smoothing(smooth), camera=own_camera, points_alone=style.name == BALLS,
+    )  # fmt: skip
     check_style(style, renderer, values)
     return Look(
         values=values, placement_options=options, width=width, height=height,

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 RADIUS_PER_SPACING = 0.5
 """Radius of balls over the median spacing of points, unless the user says: neighbors about touch."""
+MAX_UNASKED_RADIUS = 0.2
+"""Largest radius that is chosen for balls, in radii of the frame: all of the outermost ones shows."""
 MAX_SPACING_POINTS = 20_000
 """Points at which the spacing is measured, at most."""
 SPACING_NEIGHBORS = 13
@@ -158,7 +160,7 @@ def ball_radii(style: Style, scan: Scan, cloud: np.ndarray, viewpoint: Viewpoint
     if style.radius is not None:
         radius = style.radius / viewpoint.radius
     else:
-        radius = style.radius_share or RADIUS_PER_SPACING * median_spacing(cloud)
+        radius = style.radius_share or min(RADIUS_PER_SPACING * median_spacing(cloud), MAX_UNASKED_RADIUS)
     if radius > LARGEST_RADIUS:
         raise SettingError(
             f"the radius {style.radius_text} is larger than the whole object, whose bounding sphere has "

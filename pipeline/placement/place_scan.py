@@ -34,6 +34,7 @@ from z2p_core.surface.subsampling import prepend_canonical_point
 from z2p_core.up_axis.choose import UpChoice
 from z2p_renderer.pipeline.placement.camera_placement import camera_viewpoint, check_visible, unfamiliar_reason
 from z2p_renderer.pipeline.placement.hints import (
+    MIN_POINTS_FOR_SHAPE,
     few_points_hint,
     fixed_camera_hint,
     float32_step,
@@ -191,7 +192,7 @@ def select_points(scan: Scan, suffix: str, options: PlacementOptions) -> Selecte
     points = np.concatenate([points, filled]) if filled_count else points
     if options.cut_top:
         points, filled_count = _cut_top(points, filled_count, _up_direction(up, options), options.cut_top)
-    if 0 < len(points) < MIN_SURFACE_POINTS:
+    if 0 < len(points) < MIN_SURFACE_POINTS and not options.points_alone:
         return SelectedPoints(points_to_balls(points), up, outlier_count, background_count, 0, far_count, len(points))
     return SelectedPoints(points, up, outlier_count, background_count, filled_count, far_count)
 
@@ -239,6 +240,8 @@ def _hint(cloud: np.ndarray, selected: SelectedPoints, options: PlacementOptions
     """Hints about a cloud (N, 3) that z2p framed itself, joined by semicolons; empty without any."""
     if selected.ball_count:
         return few_points_hint(selected.ball_count)
+    if options.points_alone and len(cloud) < MIN_POINTS_FOR_SHAPE:
+        return ""
     automatic = (options.up, options.view) == ("auto", "auto")
     hint = scan_hint(selected.points, selected.up, automatic, whole=not options.cut_top)
     return hint if options.keep_outliers else "; ".join(filter(None, (small_part_hint(cloud), hint)))

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import z2p_core
+from z2p_core.camera import DISTANCE, Camera
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.style import Style, parse_style
 from z2p_renderer.pipeline.cli import main
@@ -56,6 +57,16 @@ def test_a_radius_is_a_length_a_share_or_a_field(given: object, expected: Style)
 def test_what_is_no_style_is_refused(name: object, radius: object) -> None:
     with pytest.raises(SettingError):
         parse_style(name, radius)
+
+
+def test_few_points_are_as_many_whole_balls(recwarn: pytest.WarningsRecorder) -> None:
+    corners = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1]])
+    picture = z2p_core.render(corners, style="balls", radius="10%", up="+Z", size=128, view=(0, 0))
+    pixels_across = 2 * 0.1 * Camera(128, 128).focal / DISTANCE
+    assert (picture.array[..., 3] == 255).sum() == pytest.approx(4 * np.pi / 4 * pixels_across**2, rel=0.25)
+    chosen = z2p_core.render(corners[:3], style="balls", size=64)
+    assert chosen.array[:, [0, -1], 3].max() < 250  # none is cut off
+    assert not recwarn.list
 
 
 def test_a_larger_radius_makes_larger_balls(points: np.ndarray) -> None:
