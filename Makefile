@@ -1,5 +1,5 @@
 # make demo       installs z2p into .venv and renders the sample scans into previews/
-# make test       installs the pipeline too and runs every check; make test-fast leaves out Blender and whole pipelines
+# make test       installs the pipeline too and runs every check; make test-fast leaves out what takes seconds, as Blender does
 # make soak       kills a whole small pipeline fifty times at random moments; every result must have the same bytes
 # make fuzz       tries odd inputs and settings for SECONDS=60, of SEED=0, on TARGETS="readers configs" or on all
 # PYTHON=...      chooses a Python from 3.11 on; where .venv was made by another one, a folder such as .venv-3.13 is used

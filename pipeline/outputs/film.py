@@ -181,7 +181,10 @@ class _FrameDrawer:
 
     def __init__(self, film: Film, look: Look) -> None:
         self._film = film
-        fixed = PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0, grounded=film.options.grounded)
+        fixed = PlacementOptions(
+            "+Z", "front", keep_outliers=True, smooth=0.0, grounded=film.options.grounded,
+            points_alone=film.options.points_alone,
+        )  # fmt: skip
         # no margin: the viewpoint includes it
         self._look = replace(look, placement_options=fixed, tight=False, margin=None)
         self._prepared: dict[tuple[int, float], Scan] = {}

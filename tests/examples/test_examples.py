@@ -20,6 +20,7 @@ KEPT = {"make_buffer_figure.py": "buffers.png", "make_overview.py": "overview.pn
 """Script -> its figure in docs/images."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MADE)
 def test_an_example_runs_and_draws(name: str, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, EXAMPLES / name, tmp_path / "out"], capture_output=True, text=True,
@@ -32,6 +33,7 @@ def test_an_example_runs_and_draws(name: str, tmp_path: Path) -> None:
         assert np.ptp(picture) > 100, path  # something is to be seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KEPT)
 def test_a_figure_of_the_docs_can_be_made_again(name: str, tmp_path: Path) -> None:
     out = tmp_path / "figure.png"

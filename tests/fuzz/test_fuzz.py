@@ -54,6 +54,7 @@ def worker() -> Iterator[Worker]:
     worker.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", INPUTS)
 def test_odd_inputs_are_taken_or_refused(target: str, worker: Worker) -> None:
     labels: Counter[str] = Counter()
@@ -66,6 +67,7 @@ def test_odd_inputs_are_taken_or_refused(target: str, worker: Worker) -> None:
     assert 0 < some < INPUTS[target], labels
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "what", ["death", "crash", "hang", "flood", "error", "exit", "warning", "print", "print of a child"]
 )

@@ -155,6 +155,7 @@ def test_encoder(name: str) -> None:
     check_encoder(registry.load("encoders", name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", registry.names("engines"))
 @pytest.mark.parametrize("kind", NETWORKS)
 def test_engine(name: str, kind: str, exported: Callable[[str], TrainedNetwork]) -> None:
@@ -179,6 +180,7 @@ def test_texture(name: str) -> None:
     check_texture(registry.load("textures", name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", registry.names("baselines"))
 def test_baseline(name: str) -> None:
     check_baseline(registry.load("baselines", name))

@@ -19,6 +19,7 @@ def along_a_line(name: str, period: float, seed: int = 0) -> np.ndarray:
     return colors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "most"), [("uniform", 1), ("stripes", 2), ("checks", 2), ("spots", 2), ("lines", 2),
                                             ("patches", 5)])  # fmt: skip
 def test_patterns_have_as_many_colors_as_they_say(name: str, most: int) -> None:

@@ -160,6 +160,7 @@ def test_inline_commands_are_recognized() -> None:
     assert any("--points 2048" in command for command in inline_commands(ROOT / "docs" / "ablations.md"))
 
 
+@pytest.mark.slow
 def test_the_plugins_of_the_page_keep_their_contracts(tmp_path: Path) -> None:
     """Its blocks are files; installed, as their entry points say, the registry and a config find what is in them."""
     page = (ROOT / "docs" / "writing-a-plugin.md").read_text()
@@ -215,6 +216,7 @@ def test_documented_fine_tuning_can_be_planned() -> None:
     assert "train" in make_plan(from_dict(PipelineConfig, config | {"name": changes["name"]})).steps
 
 
+@pytest.mark.slow
 def test_the_python_page_runs(desk: Path) -> None:
     names: dict[str, object] = {}
     with warnings.catch_warnings():

@@ -147,6 +147,7 @@ def test_circles_of_imports_are_detected() -> None:
     assert modules_in_circles(edges) == {"b", "c"}
 
 
+@pytest.mark.slow
 def test_no_modules_import_one_another_in_a_circle() -> None:
     """An import inside a function counts as well: it only hides a circle."""
     edges = {name: imported_modules(path) - {name} for name, path in MODULES.items()}

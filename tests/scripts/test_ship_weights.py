@@ -51,6 +51,7 @@ def test_without_meshes_the_float32_form_ships_alone(ship: ModuleType, run: Path
     assert "Measured" in (ship.SHIPPED_FOLDER / "tiny.md").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("worse", [0.0, 0.5])
 def test_eight_bits_ship_where_they_are_good_enough(
     ship: ModuleType, run: Path, monkeypatch: pytest.MonkeyPatch, worse: float

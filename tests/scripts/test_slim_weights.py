@@ -53,6 +53,7 @@ def muted(tensors: dict[str, np.ndarray], widths: tuple[int, ...]) -> dict[str, 
     return result
 
 
+@pytest.mark.slow
 def test_pruning_unused_channels_changes_nothing(make_weights: Callable[..., Path], tmp_path: Path) -> None:
     full, lean = tmp_path / "whole.safetensors", tmp_path / "lean.safetensors"
     weights = load_weights(make_weights(**SHAPE, zbuffer="splats"))
@@ -63,6 +64,7 @@ def test_pruning_unused_channels_changes_nothing(make_weights: Callable[..., Pat
     assert load_weights(lean).card["network"]["widths"] == [11, 16, 16]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("further", [("--fine", "8"), ("--coarse",)])
 @pytest.mark.parametrize("encoder", ["none", "fourier"])
 def test_new_final_convs_start_as_the_identity(
@@ -79,6 +81,7 @@ def test_new_final_convs_start_as_the_identity(
     assert alike(drawn(lean, channels), drawn(full, channels))
 
 
+@pytest.mark.slow
 def test_widening_is_refused(make_weights: Callable[..., Path], tmp_path: Path) -> None:
     done = slim(str(make_weights(**SHAPE)), str(tmp_path / "lean.safetensors"), "--widths", "16,24,32")
     assert done.returncode != 0 and "expected none above what the weights have, got 32 for 24" in done.stderr

@@ -117,6 +117,7 @@ def with_random_outputs(network: normal_network.NormalNetwork) -> normal_network
     return network
 
 
+@pytest.mark.slow
 def test_training_lowers_the_loss_and_is_reproducible(
     meshes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

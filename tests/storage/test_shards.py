@@ -100,6 +100,7 @@ def test_truncated_anywhere(shard):
             read_all(shard)
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_anywhere_is_told_or_harmless(shard):
     whole = shard.read_bytes()
     rng, told = np.random.default_rng(0), 0

@@ -134,6 +134,7 @@ def test_z2p_hands_words_and_exit_status_on(world):
     assert bad.returncode == 2 and "--nonsense" in bad.stderr
 
 
+@pytest.mark.slow
 def test_a_reports_config_is_told_from_a_pipelines(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     load_report_plan.cache_clear()
@@ -165,6 +166,7 @@ def test_an_ablations_config_is_told_from_a_pipelines(world):
     assert wrong.exit_code == 2 and "variants.other: train: unknown key 'sed'" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_a_reports_results_are_adopted(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     load_report_plan.cache_clear()

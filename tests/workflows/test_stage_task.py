@@ -75,6 +75,7 @@ def test_every_step_runs_once_upstream_first(ran):
     assert build() and steps_of(ran) == []
 
 
+@pytest.mark.slow
 def test_a_deleted_result_alone_is_made_again(ran):
     assert build() and steps_of(ran)
     shutil.rmtree(next(Path("runs/train").iterdir()))
@@ -85,6 +86,7 @@ def test_a_deleted_result_alone_is_made_again(ran):
     assert build() and steps_of(ran) == []
 
 
+@pytest.mark.slow
 def test_links_lead_to_the_results_of_the_newest_config(ran):
     assert build()
     before = Path("runs/small/metrics.json").resolve()
@@ -96,6 +98,7 @@ def test_links_lead_to_the_results_of_the_newest_config(ran):
     assert Path("elsewhere/small/metrics.json").read_text() == "evaluate"
 
 
+@pytest.mark.slow
 def test_a_failing_step_stops_only_what_needs_it(ran, capfd):
     Path("broken").touch()
     assert not build()
@@ -107,6 +110,7 @@ def test_a_failing_step_stops_only_what_needs_it(ran, capfd):
     assert build() and set(steps_of(ran)) == {"sample/bee", "shard/bee", "train", "evaluate"}
 
 
+@pytest.mark.slow
 def test_a_result_that_a_stage_did_not_write_is_a_failure(ran, monkeypatch):
     monkeypatch.setattr(z2p_renderer.workflows.stages.Train, "make", lambda task, out: None)
     assert not build()
@@ -119,6 +123,7 @@ def test_a_task_whose_inputs_changed_is_another_task(ran):
     assert ids[0] != ids[1]
 
 
+@pytest.mark.slow
 def test_code_edited_after_planning_is_refused(ran, monkeypatch, capfd):
     assert build() and steps_of(ran)
     shutil.rmtree(next(Path("runs/train").iterdir()))
@@ -207,6 +212,7 @@ def test_views_of_other_chunks_are_copied_unless_damaged(ran, tmp_path):
     assert all(text == f"{int(name[5:10])}{name[10:]}" for name, text in copied.items())
 
 
+@pytest.mark.slow
 def test_links_work_in_a_workspace_that_is_a_link_itself(ran, tmp_path):
     (tmp_path / "far" / "away").mkdir(parents=True)
     Path("runs").symlink_to(tmp_path / "far" / "away")

@@ -208,6 +208,7 @@ def test_a_second_interrupt_ends_the_process_at_once() -> None:
     assert process.returncode == 130 and not stderr
 
 
+@pytest.mark.slow
 def test_closed_standard_streams_do_not_spoil_pictures(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
     words = f"run-inference --weights {tiny_weights} --resolution 64 {scans / 'one.npy'}"
     for number, closed in enumerate(("", "2>&-", "<&- >&- 2>&-")):

@@ -205,6 +205,7 @@ def test_a_picture_saved_by_python_finds_its_scan(
     assert str(tmp_path) not in picture._repr_png_().decode("latin1")
 
 
+@pytest.mark.slow
 def test_rerender_uses_the_recorded_engine(z2p: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     figure = tmp_path / "one.png"
     drawn = z2p("run-inference", scans / "one.npy", "-o", figure, "--engine", "openvino", "--resolution", 64)

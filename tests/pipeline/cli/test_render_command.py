@@ -253,6 +253,7 @@ def test_installed_controls_are_options_with_their_help(z2p: Callable[..., Resul
         assert slider.help[:20] in text
 
 
+@pytest.mark.slow
 def test_the_command_runs_in_a_process_of_its_own(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
     (scans / "bad.las").write_bytes(b"LASF but no more")
     done = subprocess.run(
@@ -267,6 +268,7 @@ def test_the_command_runs_in_a_process_of_its_own(scans: Path, tiny_weights: Pat
     assert pictures(tmp_path / "out") == ["one.png", "two.png"]
 
 
+@pytest.mark.slow
 def test_on_a_terminal_each_file_has_a_line(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
     """Which way was taken for up is never guessed silently, bar or no bar."""
     ours, theirs = pty.openpty()

@@ -124,6 +124,7 @@ def test_standard_input_is_rendered(tiny_weights: Path, scans: Path, tmp_path: P
     assert CliRunner().invoke(main, [*words, "-"], input=blob).exit_code == 2
 
 
+@pytest.mark.slow
 def test_standard_input_of_a_real_process(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
     with (scans / "one.npy").open("rb") as scan:
         done = subprocess.run(

@@ -105,6 +105,7 @@ def test_a_series_has_one_crop(render: Callable[..., Result], tmp_path: Path, cl
         assert (part[..., 3] >= MIN_VISIBLE_ALPHA).sum() == (whole[..., 3] >= MIN_VISIBLE_ALPHA).sum()
 
 
+@pytest.mark.slow
 def test_rerender_keeps_the_crop_of_a_series_if_nothing_moves(
     render: Callable[..., Result], z2p: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:

@@ -152,6 +152,7 @@ def test_requested_engine_runs_and_is_recorded(by_hand, meshes, tiny_weights, tm
         assert data["onnxruntime"]["means"][name] == pytest.approx(data["torch"]["means"][name], abs=0.02)
 
 
+@pytest.mark.slow
 def test_truth_is_rendered_once_and_more_views_keep_it(by_hand, meshes, tiny_weights, tmp_path) -> None:
     def run(config: EvaluateConfig) -> int:
         before = len(by_hand)

@@ -55,6 +55,7 @@ def test_every_sweep_has_cases_and_a_caption(name: str, vase: TrueMesh) -> None:
         assert (draw_points(case, 48)[..., 0] < 0.95).any()  # it is in the frame
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["noise", "sampling", "single", "inner", "bumps"])
 def test_clouds_depend_on_the_seed_alone(name: str, vase: TrueMesh) -> None:
     first, again, other = (cases(name, vase, replace(SMALL, seed=seed)) for seed in (0, 0, 1))

@@ -87,6 +87,7 @@ def test_a_slow_call_is_stopped_with_its_children_and_the_next_one_works() -> No
     assert has_ended(second)
 
 
+@pytest.mark.slow
 def test_a_stopped_baseline_is_stored_and_tried_again_with_more_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -73,6 +73,7 @@ def random_inputs(renderer: Renderer, batch: int, width: int, height: int) -> En
     return buffers, encoding, settings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("half", [True, False])
 def test_optimized_graph_gives_the_same_output(make_weights: Callable[..., Path], form: str, half: bool) -> None:
@@ -106,6 +107,7 @@ def test_calibration_is_seeded_and_varies_every_control(make_weights: Callable[.
     assert not np.array_equal(first[0][2], first[1][2]) and all(buffers.any() for buffers, _, _ in first)
 
 
+@pytest.mark.slow
 def test_int8_output_is_close_and_its_graph_is_small(make_weights: Callable[..., Path]) -> None:
     file = halved(make_weights(widths=(32, 48, 64), mapping=64))
     model, renderer = export_onnx(file).read_bytes(), Renderer(file)

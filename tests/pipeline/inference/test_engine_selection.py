@@ -67,6 +67,7 @@ def test_a_network_without_encoding_runs_too(make_weights: Callable[..., Path], 
     assert np.abs(ours - torchs).max() <= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", [name for name in WHOLE if name != "torch"])
 def test_one_engine_draws_many_sizes_also_at_a_time(exported_weights: Path, cloud: np.ndarray, engine: str) -> None:
     placed, sides = place_cloud(cloud), [32, 64, 96, 40, 128, 72]  # more than an engine keeps networks for
@@ -177,6 +178,7 @@ assert len(pictures) == 2 and np.array_equal(*pictures)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ONNX_ENGINES)
 def test_first_runs_at_the_same_time_end(exported_weights: Path, engine: str) -> None:
     for _ in range(3):  # OpenVINO without its lock stands still every other time
@@ -209,6 +211,7 @@ def test_a_link_to_weights_uses_the_export_of_its_target(copied: Path, tmp_path:
     assert Renderer(link).engine == "onnxruntime"
 
 
+@pytest.mark.slow
 def test_the_command_never_imports_torch(exported_weights: Path, scans: Path, tmp_path: Path) -> None:
     code = (
         "import sys; from z2p_renderer.pipeline.cli import main\n"
@@ -223,6 +226,7 @@ def test_the_command_never_imports_torch(exported_weights: Path, scans: Path, tm
     assert len(list((tmp_path / "out").glob("*.png"))) == 2
 
 
+@pytest.mark.slow
 def test_no_library_leaves_or_sends_anything_of_its_own(exported_weights: Path, scans: Path, tmp_path: Path) -> None:
     home, words = tmp_path / "home", ["run-inference", str(scans), "-o", str(tmp_path / "out"), "--resolution", "64"]
     home.mkdir()
@@ -234,6 +238,7 @@ def test_no_library_leaves_or_sends_anything_of_its_own(exported_weights: Path, 
     assert not list(home.rglob("*"))
 
 
+@pytest.mark.slow
 def test_python_never_imports_torch_either(exported_weights: Path) -> None:
     code = (
         "import sys, numpy, z2p_core\n"

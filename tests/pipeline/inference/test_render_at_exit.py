@@ -48,6 +48,7 @@ def run(script: str) -> tuple[int, list[str], str]:
     return done.returncode, done.stdout.split(), done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", SCRIPTS)
 def test_pictures_are_the_same_wherever_they_are_drawn(where):
     status, pictures, words = run(SCRIPTS[where])
@@ -56,6 +57,7 @@ def test_pictures_are_the_same_wherever_they_are_drawn(where):
     assert pictures[0] == usual_picture()
 
 
+@pytest.mark.slow
 def test_a_thread_that_goes_with_python_makes_no_noise():
     status, pictures, words = run("""
 draw()

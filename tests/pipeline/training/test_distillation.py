@@ -32,6 +32,7 @@ def pictures(shards, **fields):
     return CloudDataset(shards, replace(CONFIG, **fields), SplatPyramid(), Surfels())
 
 
+@pytest.mark.slow
 def test_target_blends_render_and_teacher(shards):
     render, half, distilled = (pictures(shards, teacher_share=share).batch(0).target for share in (0.0, 0.5, 1.0))
     torch.testing.assert_close(render, pictures(shards, teacher="").batch(0).target, atol=1e-6, rtol=0)
@@ -86,6 +87,7 @@ def test_no_teacher_at_the_shards_own_resolution(shards):
     torch.testing.assert_close(with_teacher.target, without.target, atol=0, rtol=0)
 
 
+@pytest.mark.slow
 def test_a_batch_depends_on_its_number_alone(shards, monkeypatch):
     in_order = [batch for data in [pictures(shards)] for batch in map(data.batch, range(8))]
     monkeypatch.setattr("z2p_renderer.pipeline.training.dataset.BUFFER_CACHE_BYTES", 0)
@@ -101,6 +103,7 @@ def test_validation_targets_are_renders_alone(shards):
     )
 
 
+@pytest.mark.slow
 def test_training_learns_from_the_teacher_and_its_card_names_it(shards, tmp_path):
     network = NetworkConfig(widths=(16, 24), mapping=16)
     config = replace(CONFIG, steps=2, resolutions=(32,), network=network)

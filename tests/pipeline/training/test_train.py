@@ -77,6 +77,7 @@ def undisturbed(shards, tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stop", ["step 3: checkpoint", "step 3: validation", "step 5: checkpoint"])
 def test_killed_run_resumes_bit_identically(shards, undisturbed, tmp_path, stop):
     with pytest.raises(KeyboardInterrupt):
@@ -89,6 +90,7 @@ def test_killed_run_resumes_bit_identically(shards, undisturbed, tmp_path, stop)
         assert (tmp_path / name).read_bytes() == (undisturbed / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_damaged_newest_checkpoint_falls_back(shards, undisturbed, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         train(shards, CONFIG, tmp_path, log=stopping_at("step 4: checkpoint"), precision="float32")
@@ -131,6 +133,7 @@ def test_the_weights_load_and_draw_what_the_card_says(undisturbed):
     assert picture.shape == (1, 4, 36, 40) and picture.isfinite().all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "network, loss",
     [
@@ -153,6 +156,7 @@ def test_thirty_steps_lower_the_loss(shards, tmp_path, network, loss, precision)
     assert np.mean(losses[-5:]) < 0.6 * np.mean(losses[:3])
 
 
+@pytest.mark.slow
 def test_cropped_training_is_recorded_in_the_card(tmp_path):
     shards = [sphere_shard(tmp_path / "spheres.h5", 6, 128, 0)]
     config = replace(CONFIG, steps=2, cropped=True)
@@ -170,6 +174,7 @@ def test_another_run_in_the_same_folder_is_refused(shards, undisturbed, tmp_path
         train(shards[:1], CONFIG, tmp_path, log=silent)
 
 
+@pytest.mark.slow
 def test_run_resumes_after_its_start_weights_were_moved(shards, undisturbed, tmp_path):
     (tmp_path / "a").mkdir()
     first = replace(CONFIG, start=str(tmp_path / "a" / "start.safetensors"))
@@ -250,6 +255,7 @@ def test_fine_tuning_goes_on_from_the_weights_and_their_encoder(undisturbed, sha
         np.testing.assert_allclose(tensor, before.tensors[name], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_fine_tuning_accepts_weights_of_earlier_gbuffers(undisturbed, shards, tmp_path):
     before = load_weights(undisturbed / "weights.safetensors")
     network = {name: value for name, value in before.card["network"].items() if name != "conditioning"}

@@ -27,6 +27,7 @@ def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_a_mesh_lies_on_the_sphere_and_is_the_same_every_time(name: str) -> None:
     vertices, faces = rebuild(name, sphere())

@@ -68,6 +68,7 @@ def test_the_order_of_a_dense_cloud_does_not_matter() -> None:
     assert np.array_equal(drawn(cloud), drawn(shuffled))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_own_places", [False, True])
 def test_colors_keep_the_detail_of_their_points(has_own_places: bool) -> None:
     cloud = ball(200_000)

@@ -48,6 +48,7 @@ def test_each_has_an_export_of_this_very_network(name: str) -> None:
     assert load_graph(shipped_weights()[name], load_weights(shipped_weights()[name]).digest) is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", registry.names("engines"))
 def test_every_engine_draws_regular_as_torch_does(suzanne: np.ndarray, engine: str) -> None:
     if registry.load("engines", engine).reads_int8 and not graph_path(shipped_weights()["regular"], INT8).exists():

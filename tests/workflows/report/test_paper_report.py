@@ -145,6 +145,7 @@ def test_other_weights_leave_the_others_results_alone(finished, make_weights) ->
     assert result == steps(*ALL, methods=("mine",)) | {"trust/pyramid/mine", "times", "report"}
 
 
+@pytest.mark.slow
 def test_a_dry_run_lists_the_steps_to_run_and_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "tetra.off").write_text(TETRA)
@@ -173,11 +174,13 @@ def test_the_default_plan_covers_the_papers_evaluation(tmp_path: Path) -> None:
     assert [method.name for method in found.methods] == methods
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(path.name for path in CONFIGS.glob("report*.toml")))
 def test_the_configs_can_be_planned(name: str) -> None:
     assert "report" in load_report_plan(report_source(str(CONFIGS / name), "", "", "", "")).steps
 
 
+@pytest.mark.slow
 def test_only_what_a_setting_shapes_hangs_on_it(tmp_path: Path) -> None:
     def prints(text: str, **given: str) -> dict[str, str]:
         return {name: step.entry.fingerprint for name, step in plan(tmp_path, text, **given).steps.items()}
@@ -195,6 +198,7 @@ def test_only_what_a_setting_shapes_hangs_on_it(tmp_path: Path) -> None:
     "z2p_core.network.unet", "z2p_core/native/c/surfels/surfel_raster.c", "z2p_core.surface.normals", "z2p_core.linalg",
     "z2p_core.native.images", "z2p_core/native/c/points/view_coverage.c",
 ])  # fmt: skip
+@pytest.mark.slow
 def test_network_code_is_not_in_fingerprints_of_baselines(tmp_path: Path, monkeypatch, part) -> None:
     def prints() -> dict[str, str]:
         return {name: step.entry.fingerprint for name, step in plan(tmp_path, "scans = 'scans'").steps.items()}
@@ -213,6 +217,7 @@ def test_network_code_is_not_in_fingerprints_of_baselines(tmp_path: Path, monkey
     assert expected == changed - {"times", "report"}
 
 
+@pytest.mark.slow
 def test_a_method_edited_after_planning_is_refused(tmp_path: Path, monkeypatch) -> None:
     """What it renders would be kept under another's name."""
     source = report_source(str(CONFIG), "", "", "", "")
@@ -240,6 +245,7 @@ def test_weights_edited_after_planning_are_refused(tmp_path: Path, make_weights)
             task._check_code()
 
 
+@pytest.mark.slow
 def test_a_scan_edited_after_planning_is_refused(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "scans").mkdir()
     scan = tmp_path / "scans" / "one.xyz"
@@ -263,6 +269,7 @@ def test_weights_of_another_version_s_buffers_are_refused(tmp_path: Path, make_w
         plan(tmp_path, weights=str(older))
 
 
+@pytest.mark.slow
 def test_weights_of_trainings_are_called_after_their_folders(tmp_path: Path, make_weights, monkeypatch) -> None:
     for folder in ("first", "second"):
         (tmp_path / folder).mkdir()

@@ -61,6 +61,7 @@ def test_valleys_sheets_and_gentle_bends_clip_nothing(slope):
     assert not is_used(planes).any()
 
 
+@pytest.mark.slow
 def test_only_a_coarsely_sampled_sphere_clips_discs():
     for count, expected in ((8_000, False), (60, True)):
         points = sphere_of(count)

@@ -38,6 +38,7 @@ def hidden(side: int, step: int, directions: np.ndarray) -> np.ndarray:
     return hits / len(directions)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [500, 2_000, 6_000, 12_000, 40_000])
 def test_floor_occlusion_of_a_ball_matches_ray_casting(count: int) -> None:
     light, sky = occlusion_of_ball(count)

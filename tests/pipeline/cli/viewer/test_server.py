@@ -115,6 +115,7 @@ def test_bad_settings_get_one_line(client: Client, state: Any) -> None:
     assert status == 400 and len(json.loads(content)["error"].splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_saved_picture_is_what_the_copied_command_and_call_make(client: Client, folder: Path) -> None:
     import shlex
 
