@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -28,8 +29,11 @@ from z2p_renderer.plugins.gbuffers._shaders import MaterialShader
 
 MIN_SPACING = 1e-5
 """Smallest spacing of the points that an image shows, in world units."""
-PATCH_NEIGHBORS = 16
-"""Neighbors to whose places a clean surface is fitted, once: more would smooth relief away, fewer are noisier."""
+PATCH_NEIGHBORS, MERGED_PATCH_NEIGHBORS = 16, 12
+"""Neighbors to whose places a clean surface is fitted, once: more would smooth relief away, fewer are noisier; and as
+many where shown points are means of `MERGED_POINTS`."""
+MERGED_POINTS = 3.0
+"""Points in a mean from which on fewer neighbors do, as their places are less random."""
 MAX_RELIEF_TO_SPACING = 0.15
 """Noise, in spacings, up to which it is taken for fine relief, which more neighbors would smooth away."""
 NEIGHBORS_PER_NOISE = 150.0
@@ -72,7 +76,8 @@ def visible_detail(
     if not len(merged.points):  # all of it lies beside the image
         return None
     grid = native.ScreenGrid(merged.points, camera)
-    shown = estimate_surface(merged.points, False, count_patch_neighbors, grid, jet_iterations=1)
+    count = partial(count_patch_neighbors, mean_of=float(merged.numbers.mean()))
+    shown = estimate_surface(merged.points, False, count, grid, jet_iterations=1)
     surfels, radii = make_surfels(shown, typical_spacing(shown, camera))
     if merged.values is not None and shown.grid is grid:
         return Detail(shown, surfels, radii, merged.values[grid.order])
@@ -98,10 +103,12 @@ def typical_spacing(shown: SurfacePoints, camera: Camera) -> float | np.ndarray:
     return spacing
 
 
-def count_patch_neighbors(noise: float) -> int:
-    """Number of neighbors that a patch of the shown points is fitted to, for noise in spacings."""
+def count_patch_neighbors(noise: float, mean_of: float = 1.0) -> int:
+    """Number of neighbors that a patch is fitted to, for noise in spacings and points that are means of so many."""
+    merged = min(max((mean_of - 1) / (MERGED_POINTS - 1), 0.0), 1.0)
+    least = PATCH_NEIGHBORS + round(merged * (MERGED_PATCH_NEIGHBORS - PATCH_NEIGHBORS))
     beyond = NEIGHBORS_PER_NOISE * max(noise - MAX_RELIEF_TO_SPACING, 0)
-    return int(min(PATCH_NEIGHBORS + beyond, neighbor_count(noise)))
+    return int(min(least + beyond, neighbor_count(noise)))
 
 
 class DetailShader:
