@@ -31,30 +31,14 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndar
     camera are dropped. Depths are counted so that the origin lies at `DISTANCE`, which they do by themselves before the
     usual camera.
     """
-    if isinstance(camera, PlacedCamera):
-        return _projected_depth(cloud, camera, margin)
-    threads = min(MAX_THREADS, core_count(), len(cloud) // MIN_POINTS_PER_THREAD)
-    if threads < 2:
-        return native.nearest_depth(cloud, camera, margin)
+    threads = max(min(MAX_THREADS, core_count(), len(cloud) // MIN_POINTS_PER_THREAD), 1)
     parts = np.array_split(cloud, threads)
     depths = run_in_threads([partial(native.nearest_depth, part, camera, margin) for part in parts])
     nearest = depths[0]
     for other in depths[1:]:
         np.minimum(nearest, other, out=nearest)
-    return nearest
-
-
-def _projected_depth(cloud: np.ndarray, camera: PlacedCamera, margin: int) -> np.ndarray:
-    """`nearest_depth` for any camera."""
-    height, width = camera.height + 2 * margin, camera.width + 2 * margin
-    nearest = np.full((height, width), np.inf, np.float32)
-    with np.errstate(divide="ignore", invalid="ignore"):  # points in the camera's plane
-        pixels, depth = camera.project(cloud)
-        column, row = np.floor(pixels.T) + margin
-    seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    seen &= camera.orthographic | (depth > 0)
-    places = row[seen].astype(np.intp), column[seen].astype(np.intp)
-    np.minimum.at(nearest, places, (depth[seen] + (DISTANCE - camera.origin_depth)).astype(np.float32))
+    if isinstance(camera, PlacedCamera):
+        nearest += np.float32(DISTANCE - camera.origin_depth)
     return nearest
 
 

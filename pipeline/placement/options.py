@@ -32,6 +32,6 @@ class PlacementOptions:
     camera: AnyCamera | None = None
     """A camera in the data's units: it replaces `view` and the frame; the cloud is still set upright by `up`."""
     points_alone: bool = False
-    """Whether points are drawn as they are even if so few of them tell no surface, as balls of their own are."""
+    """Whether few points stay as they are, as the style of balls draws them; else each becomes a ball of points."""
     grounded: bool = False
     """Moves the cloud onto the floor of `viewpoint`, whatever its height."""

@@ -92,9 +92,10 @@ def shows_detail(cloud: np.ndarray) -> bool:
 
 
 def typical_spacing(shown: SurfacePoints, camera: Camera) -> float | np.ndarray:
-    """Median spacing of the N shown points, in world units; (N,), in pixels the same, if their depths differ much.
+    """Median spacing of the N shown points, in world units.
 
-    The farther away points lie, the more of them share a pixel and are drawn as one.
+    Before a user's pinhole camera depths may differ much: the farther away points lie, the more of them share a pixel
+    and are drawn as one. So there it is (N,), the median spacing in pixels at the depth of each point.
     """
     if camera.is_canonical or camera.orthographic:
         return max(float(np.median(shown.spacing)), MIN_SPACING)

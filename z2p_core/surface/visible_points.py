@@ -23,8 +23,6 @@ MERGE_DEPTH_CELLS = 3.0
 """How far behind the nearest point of its cell a point may lie to count in the mean, in widths of the cell ..."""
 MERGE_DEPTH_SIGMAS = 3.0
 """... plus this many standard deviations of the noise."""
-
-
 SURVEY_CELL_PIXELS = 16.0
 """Width of the cells in which the depths of what a user's camera sees are surveyed."""
 
