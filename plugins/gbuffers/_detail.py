@@ -76,8 +76,8 @@ def visible_detail(
     if not len(merged.points):  # all of it lies beside the image
         return None
     grid = native.ScreenGrid(merged.points, camera)
-    count = partial(count_patch_neighbors, mean_of=float(merged.numbers.mean()))
-    shown = estimate_surface(merged.points, False, count, grid, jet_iterations=1)
+    count_neighbors = partial(count_patch_neighbors, mean_of=float(merged.numbers.mean()))
+    shown = estimate_surface(merged.points, False, count_neighbors, grid, jet_iterations=1)
     surfels, radii = make_surfels(shown, typical_spacing(shown, camera))
     if merged.values is not None and shown.grid is grid:
         return Detail(shown, surfels, radii, merged.values[grid.order])

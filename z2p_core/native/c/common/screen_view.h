@@ -40,8 +40,8 @@ INLINE void project_block(const float *restrict points, int count, const ScreenV
     }
 }
 
-/* Width of a cell, in world units, at a depth of 1 and at any depth: the sum of a constant and a multiple of the depth,
- * of which one is 0. */
+/* A cell at some depth is cell_width_constant + cell_width_slope * depth wide, in world units: cells of a pinhole camera
+ * grow with the depth, those of an orthographic one do not. */
 INLINE float cell_width_slope(const ScreenView *view) {
     return view->orthographic ? 0 : 1 / sqrtf(view->focal[0] * view->focal[1]);
 }
